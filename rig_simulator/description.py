@@ -19,8 +19,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -30,10 +32,16 @@ from api.convert.systems import diagram_from_wire
 from api.problems.documents import Problem
 from api.schemas.systems import SystemDocument
 from rig_simulator.bench import Bench
+from rig_simulator.checks import exists
 from rig_simulator.devices import Device
 from rig_simulator.families import FAMILIES
+from rig_simulator.faults import DriverError
 from rig_simulator.plant import Plant
 from rig_simulator.sensors import Converter, HiddenMode, Sensor, Teds
+
+_INPUTS = {"ai": "AI", "ctr": "CI", "port": "DI"}
+_OUTPUTS = {"ao": "AO", "port": "DO"}
+"""How a channel's name begins -> what it is a part of."""
 
 
 class DescriptionError(ValueError):
@@ -142,6 +150,7 @@ def read(path: Path) -> Bench:
     _check(path, given, plant)
     try:
         devices = [_device(table) for table in given.devices]
+        _connected(given, {device.name: device for device in devices})
     except ValueError as error:
         raise DescriptionError(f"{path}: {error}") from error
     return Bench(
@@ -180,8 +189,45 @@ def _check(path: Path, given: Description, plant: Plant | None) -> None:
             )
 
 
+def _connected(given: Description, devices: Mapping[str, Device]) -> None:
+    """Make sure that everything is connected to a channel that a device has, and nothing twice."""
+    if len(devices) < len(given.devices):
+        names = [table.name for table in given.devices]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"name of a device must be given once, got {twice!r} twice")
+    wired = [(f"drives.{i}.channel", table.channel, _OUTPUTS) for i, table in enumerate(given.drives)]
+    wired += [(f"sensors.{i}.channel", table.channel, _INPUTS) for i, table in enumerate(given.sensors)]
+    seen: set[str] = set()
+    for place, channel, _ in wired:
+        if channel in seen:
+            raise ValueError(f"{place}: a channel must be connected once, got {channel!r} twice")
+        seen.add(channel)
+    wired += [
+        (f"sensors.{i}.loopback", table.loopback, _OUTPUTS) for i, table in enumerate(given.sensors) if table.loopback
+    ]
+    for place, channel, subsystems in wired:
+        name, _, number = channel.partition("/")
+        if name not in devices:
+            raise ValueError(f"{place}: device must be one of {', '.join(devices)}, got {channel!r}")
+        kinds = {stem: subsystem for stem, subsystem in subsystems.items() if number.startswith(stem)}
+        try:
+            for subsystem in kinds.values():
+                exists(devices[name], subsystem, number)
+        except DriverError:
+            kinds = {}
+        if not kinds:
+            stems = ", ".join(f"{name}/{stem}..." for stem in subsystems)
+            raise ValueError(f"{place}: channel must be one that {name} has ({stems}), got {channel!r}")
+
+
 def _device(table: DeviceTable) -> Device:
     row = FAMILIES.get(table.model)
+    if row is None and not (table.inputs or table.outputs):
+        near = difflib.get_close_matches(table.model, FAMILIES, n=3, cutoff=0.5)
+        raise ValueError(
+            f"model of {table.name} must be in the table of families ({', '.join(near or sorted(FAMILIES))}), or its inputs and "
+            f"outputs be given, got {table.model!r}"
+        )
     most = max(row.ranges, default=10.0) if row is not None else 5.0
     return Device(
         name=table.name,

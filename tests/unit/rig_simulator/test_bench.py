@@ -128,6 +128,23 @@ def test_faults_come_on_command() -> None:
             "sensors.0.teds.manufacturer: Input should be greater than or equal to 17",
         ),
         ("[[", "must be TOML"),
+        (
+            "[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'b/ai0'",
+            "sensors.0.channel: device must be one of a, got 'b/ai0'",
+        ),
+        ("[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai4'", "must be one that a has .*, got 'a/ai4'"),
+        ("[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ao0'", "must be one that a has .*, got 'a/ao0'"),
+        ("[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a'", "must be one that a has .*, got 'a'"),
+        (
+            "[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai0'\nloopback = 'b/ao0'",
+            "sensors.0.loopback: device must be one of a, got 'b/ao0'",
+        ),
+        (
+            "[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai0'\n[[sensors]]\nchannel = 'a/ai0'",
+            "sensors.1.channel: a channel must be connected once, got 'a/ai0' twice",
+        ),
+        ("[[devices]]\nname = 'a'\n[[devices]]\nname = 'a'", "must be given once, got 'a' twice"),
+        ("[[devices]]\nname = 'a'\nmodel = 'NI 9243'", r"model of a must be in the table .*NI 9263.*, got 'NI 9243'"),
     ],
 )
 def test_a_description_that_makes_no_rig_is_refused(tmp_path, text, says) -> None:
