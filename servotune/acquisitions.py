@@ -91,6 +91,8 @@ class Acquisitions:
         ----------
         template : str, optional
             Id of a template; what is given beside it counts more.
+        channels : sequence of str, optional
+            Inputs of the rig; beside them the output of the drive, to keep what it was told to play as a channel, too.
         drive : mapping, optional
             `{"output": "valve", "signal": {"kind": "chirp", ...}}`, in V. None takes that of the template away.
         trigger : mapping, optional

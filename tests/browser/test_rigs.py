@@ -41,7 +41,7 @@ def rig(service: Running, client: httpx.Client, tmp_path_factory, answers) -> It
     due = '[inputs.calibration]\ndue = "2021-01-01"'
     patient = RIG.replace("deadline = 1.0", "deadline = 30.0")  # beside other tests
     file.write_text(patient.format(rig=RIG_NAME).replace("[inputs.calibration]", due))
-    with closing(Server(make_bench(speed=1.0))) as server:
+    with closing(Server(make_bench(speed=1.0, noise=1e-3))) as server:
         given = {
             "service.url": service.url,
             "daq.server": f"127.0.0.1:{server.port}",
@@ -77,6 +77,15 @@ def test_a_measurement_is_started_from_a_template_and_watched(page: Page, rig, c
     channel = page.get_by_test_id("hardware").get_by_role("listitem").filter(has_text="cDAQ1Mod1/ai1")
     expect(channel.last.get_by_role("img", name="fits", exact=True)).to_be_visible()
     expect(page.get_by_test_id("hardware")).to_contain_text("simulated, its inputs are made-up signals")
+    first_day = page.get_by_test_id("first-day").get_by_role("listitem")
+    for line, state in (
+        ("The hardware answers", "done"),
+        ("The devices are", "to be looked at"),
+        ("Every input", "done"),
+    ):
+        expect(first_day.filter(has_text=line).get_by_role("img", name=state, exact=True)).to_be_visible()
+    expect(first_day.filter(has_text="Calibrations are")).to_contain_text("position: have the sensor calibrated")
+    expect(first_day.filter(has_text="A first recording").get_by_role("img", name="not done yet")).to_be_visible()
     assert faults(page) == []
     page.get_by_role("link", name="Use sine").click()
     amplitude = page.get_by_role("textbox", name="Amplitude")
@@ -89,6 +98,7 @@ def test_a_measurement_is_started_from_a_template_and_watched(page: Page, rig, c
     expect(page.locator(".mantine-NumberInput-error")).to_be_visible()
     assert faults(page) == []
     amplitude.fill("2")
+    page.get_by_role("checkbox", name="Keep what valve is told to play").check()
     answers.append(True)
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_role("button", name="Start it").click()
@@ -97,7 +107,10 @@ def test_a_measurement_is_started_from_a_template_and_watched(page: Page, rig, c
     expect(page.get_by_role("link", name="Recording").first).to_be_visible(timeout=60_000)
     assert faults(page) == []
     page.get_by_role("link", name="Recording").first.click()
-    expect(page.get_by_role("img", name="loopback over time")).to_be_visible()
+    for channel in ("loopback", "valve"):
+        expect(page.get_by_role("img", name=f"{channel} over time")).to_be_visible()
+    page.goto(f"/rigs/{rig}")
+    expect(first_day.filter(has_text="A first recording").get_by_role("img", name="done", exact=True)).to_be_visible()
 
 
 def test_what_a_person_at_the_rig_refuses_is_told_and_tried_again(page: Page, rig, client, answers) -> None:
@@ -246,6 +259,19 @@ def test_sweeps_are_shown_live_and_lead_back_to_the_form(page: Page, rig, client
     expect(page.get_by_role("textbox", name="Name")).to_have_value("Live")
     expect(page.get_by_role("textbox", name="Duration")).to_have_value("0.3 s")
     expect(page.get_by_role("checkbox", name="position")).not_to_be_checked()
+
+
+def test_each_sweep_of_the_scope_begins_at_its_trigger(page: Page, rig, client) -> None:
+    page.goto(f"/rigs/{rig}/measure?channels=%5B%22position%22%5D&duration=0.3&pre_trigger=0.1&name=scope")
+    # Noise of some micrometres goes through zero again and again.
+    page.get_by_role("combobox", name="Trigger", exact=True).select_option("rises to a level")
+    page.get_by_role("button", name="Show live, record nothing").click()
+    page.wait_for_url("**/acquisitions/acq_*")
+    expect(page.get_by_test_id("live")).to_have_attribute("data-samples", re.compile(r"^\d{3}$"), timeout=60_000)
+    asked = client.get(f"/v1/acquisitions/{page.url.rsplit('/', 1)[1]}").json()["document"]
+    assert (asked["record"], asked["trigger"]["edge"], asked["pre_trigger"]) == (False, "rising", 0.1)
+    page.get_by_role("button", name="Stop").click()
+    expect(page.get_by_role("button", name="Stop")).to_be_hidden()
 
 
 def test_a_channel_that_did_not_fit_is_told_in_the_form(page: Page, client) -> None:

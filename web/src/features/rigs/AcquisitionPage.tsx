@@ -46,7 +46,10 @@ export function AcquisitionPage() {
   const units = new Map(rigs.data?.find((one) => one.name === found.rig)?.document.inputs?.map((input) => [input.name, input.unit]));
   const last = found.attempts.at(-1);
   // Samples that are on their way have their place before they are there: nothing jumps.
-  const awaited: Live = { time: [], channels: Object.fromEntries(((found.document.channels ?? []) as string[]).map((name) => [name, { low: [], high: [] }])) };
+  const asked = found.document as AcquisitionRequest;
+  // What an output plays is not measured, and not shown while it goes on.
+  const measured = (asked.channels ?? []).filter((name) => name !== asked.drive?.output || units.has(name));
+  const awaited: Live = { time: [], channels: Object.fromEntries(measured.map((name) => [name, { low: [], high: [] }])) };
   const scope = found.document.record === false;
   const rig = rigs.data?.find((one) => one.name === found.rig);
   const drawn = followed.live !== null || (found.attempt > 0 && !followed.ended && !["failed", "lost", "cancelled"].includes(found.status));
@@ -102,7 +105,7 @@ export function AcquisitionPage() {
             </Text>
           </section>
         )}
-        {drawn && <LivePlots live={scope ? upTo(followed.live ?? awaited, fieldsOf(found.document as AcquisitionRequest, []).duration) : (followed.live ?? awaited)} units={units} time={t(!scope ? "panel.time" : found.document.trigger ? "rigs.sinceTrigger" : "rigs.inSweep")} />}
+        {drawn && <LivePlots live={scope ? upTo(followed.live ?? awaited, fieldsOf(asked, []).duration) : (followed.live ?? awaited)} units={units} time={t(!scope ? "panel.time" : found.document.trigger ? "rigs.sinceTrigger" : "rigs.inSweep")} />}
         {last && last.then.length > 0 && (
           <section>
             <Title order={2} mb="xs">

@@ -1,10 +1,9 @@
-import { Badge, Box, Group, Stack, Text, Title } from "@mantine/core";
+import { Box, Group, Stack, Text, Title } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import { When } from "@/shared/ui/When";
 import type { Finding, RigDocument } from "./api";
 import { hardwareOf, worst, type Tried } from "./devices";
-
-const LOOK = { ok: ["green", "✓"], note: ["blue", "i"], fails: ["red", "✕"] } as const;
+import { Mark } from "./Mark";
 
 /** The devices of a rig, their channels below them, and in words what does not fit. */
 export function Hardware({ document }: { document: RigDocument }) {
@@ -83,14 +82,5 @@ function Told({ finding: { told, remedy } }: { finding: Finding }) {
         </>
       )}
     </Text>
-  );
-}
-
-function Mark({ result, text, label }: { result: Finding["result"] | undefined; text?: string; label?: string }) {
-  const [color, sign] = result ? LOOK[result] : (["gray", "–"] as const);
-  return (
-    <Badge variant="outline" color={color} tt="none" miw={28} style={{ flexShrink: 0 }} {...(label ? { role: "img", "aria-label": label } : {})}>
-      {text ? `${sign} ${text}` : sign}
-    </Badge>
   );
 }

@@ -121,6 +121,7 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
             </Checkbox.Group>
           )}
         />
+        {values.output && rig.document.understands?.includes("commanded") && !inputs.some((input) => input.name === values.output) && <Checkbox size="xs" label={t("rigs.commanded", { output: values.output })} description={t("rigs.commandedDoc")} {...register("commanded")} />}
         {misfits.map((finding) => (
           <Text key={finding.what} fz="xs" c="red">
             {t("rigs.misfit", { what: finding.what, told: finding.told, remedy: finding.remedy })}

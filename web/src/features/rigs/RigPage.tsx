@@ -10,6 +10,7 @@ import { When } from "@/shared/ui/When";
 import { formatNumber, prettyUnit, withUnit } from "@/shared/units/format";
 import { AcquisitionTable } from "./AcquisitionTable";
 import { acquisitionsQuery, agentsQuery, calibrationState, presence, rigQuery, templatesQuery, type Calibration, type RigInput } from "./api";
+import { FirstDay } from "./FirstDay";
 import { Hardware } from "./Hardware";
 import { delivered } from "./devices";
 import { PresenceBadge } from "./PresenceBadge";
@@ -28,6 +29,7 @@ export function RigPage() {
   const templates = useQuery(templatesQuery);
   const name = rig.data?.name ?? "";
   const acquisitions = useInfiniteQuery({ ...acquisitionsQuery({ rig: name }), enabled: name !== "" });
+  const recorded = useInfiniteQuery({ ...acquisitionsQuery({ rig: name, status: "done" }), enabled: name !== "", refetchInterval: 30_000 });
   const remove = useMutation({
     mutationFn: ({ identifier, revision }: { identifier: string; revision: number }) => must(api.DELETE("/v1/acquisition-templates/{identifier}", { params: { path: { identifier }, header: { "If-Match": `"${revision}"` } } })),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["acquisition-templates"] }),
@@ -53,6 +55,7 @@ export function RigPage() {
             {t("rigs.seen")}: <When at={agent.seen_at} />
           </Alert>
         )}
+        <FirstDay document={document} present={rig.data.present} recorded={(recorded.data?.pages[0]?.items.length ?? 0) > 0} />
         <Hardware document={document} />
         <section>
           <Title order={2} mb="xs">

@@ -49,6 +49,8 @@ export interface RigDocument {
   daq?: string;
   findings?: Finding[];
   checked_at?: string | null;
+  /** What of a measurement its agent knows beyond the first ones. */
+  understands?: string[];
 }
 export type Rig = Schemas["RigReply"] & { document: RigDocument };
 

@@ -15,6 +15,8 @@ export const schema = z.object({
   averages: z.number("forms.number").int("forms.whole").min(1, "forms.positive").max(1000, "forms.atMost 1000"),
   confirm: z.boolean(),
   output: z.string(),
+  /** Whether what the output is told to play is a channel of the recording, too. */
+  commanded: z.boolean(),
   signal: z.enum(["step", "sine", "chirp"]),
   amplitude: z.number("forms.number"),
   frequency: positive,
@@ -55,7 +57,7 @@ export const resolver: Resolver<Fields> = (fields, ...rest) => {
 
 /** The request that a form makes; times in s, levels of a drive in V, those of a trigger in its channel's unit, frequencies in Hz as written. */
 export function requestOf(fields: Fields, rig: string): AcquisitionRequest {
-  const { output, signal, amplitude, frequency, end, trigger, trigger_channel, level, high, hysteresis, timeout, ...rest } = fields;
+  const { output, commanded, signal, amplitude, frequency, end, trigger, trigger_channel, level, high, hysteresis, timeout, ...rest } = fields;
   const hertz = (value: number) => ({ value, unit: "Hz" });
   const signals = {
     step: { kind: "step", amplitude },
@@ -66,6 +68,7 @@ export function requestOf(fields: Fields, rig: string): AcquisitionRequest {
   const until = window ? { window: [level, high], when: trigger } : { edge: trigger, level };
   return {
     ...rest,
+    ...(output && commanded && !fields.channels.includes(output) ? { channels: [...fields.channels, output] } : {}),
     rig,
     ...(output ? { drive: { output, signal: signals[signal] } } : {}),
     ...(waits ? { trigger: { channel: fields.channels.includes(trigger_channel) ? trigger_channel : fields.channels[0], ...until, hysteresis, timeout } } : {}),
@@ -102,16 +105,20 @@ export function plainTrigger(template: Template): boolean {
 export function fieldsOf(document: AcquisitionRequest | undefined, channels: string[]): Fields {
   const signal = document?.drive?.signal as unknown as Record<string, unknown> | undefined;
   const trigger = document?.trigger as unknown as Record<string, unknown> | undefined;
+  const output = document?.drive?.output ?? "";
+  // An input of that name comes first.
+  const played = (name: string) => name === output && !channels.includes(name);
   const [low, high] = Array.isArray(trigger?.window) ? (trigger.window as unknown[]) : [trigger?.level, undefined];
   return {
     name: document?.name ?? "",
-    channels: document?.channels ?? channels,
+    channels: document?.channels?.filter((name) => !played(name)) ?? channels,
     sample_rate: document?.sample_rate ?? 1000,
     duration: number(document?.duration, 1),
     pre_trigger: number(document?.pre_trigger, 0),
     averages: document?.averages ?? 1,
     confirm: document?.confirm ?? true,
-    output: document?.drive?.output ?? "",
+    output,
+    commanded: document?.channels?.some(played) ?? false,
     signal: SIGNALS.has(String(signal?.kind)) ? (signal!.kind as Fields["signal"]) : "step",
     amplitude: number(signal?.amplitude, QUIET.amplitude),
     frequency: number(signal?.frequency ?? signal?.start_frequency, QUIET.frequency),

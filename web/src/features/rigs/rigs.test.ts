@@ -2,6 +2,7 @@ import { describe, expect, it } from "vitest";
 import { Problem } from "@/shared/api/problem";
 import { calibrationState, presence, type AgentReply } from "./api";
 import { hardwareOf, worst } from "./devices";
+import { firstDay } from "./firstDay";
 import { joined, upTo } from "./live";
 import { driveFaults, fieldsOf, liveOf, plainTrigger, requestOf, resolver } from "./request";
 
@@ -42,12 +43,62 @@ describe("live samples", () => {
 });
 
 it("asks for what the form says, in SI", () => {
-  const fields = { name: "run", channels: ["p"], sample_rate: 1000, duration: 2, pre_trigger: 0.1, averages: 3, confirm: true, output: "valve", signal: "chirp" as const, amplitude: 2, frequency: 5, end: 50, trigger: "none" as const, trigger_channel: "", level: 0, high: 1, hysteresis: 0, timeout: 60 };
+  const fields = { name: "run", channels: ["p"], sample_rate: 1000, duration: 2, pre_trigger: 0.1, averages: 3, confirm: true, output: "valve", commanded: false, signal: "chirp" as const, amplitude: 2, frequency: 5, end: 50, trigger: "none" as const, trigger_channel: "", level: 0, high: 1, hysteresis: 0, timeout: 60 };
   expect(requestOf(fields, "bench")).toEqual({
     name: "run", rig: "bench", channels: ["p"], sample_rate: 1000, duration: 2, pre_trigger: 0.1, averages: 3, confirm: true,
     drive: { output: "valve", signal: { kind: "chirp", amplitude: 2, start_frequency: { value: 5, unit: "Hz" }, end_frequency: { value: 50, unit: "Hz" }, duration: 2 } },
   });
   expect(requestOf({ ...fields, output: "" }, "bench")).not.toHaveProperty("drive");
+});
+
+it("keeps what an output plays as a channel where it is asked to, and reads it from a template", () => {
+  const begin = { ...fieldsOf(undefined, ["p"]), name: "run", output: "valve", commanded: true };
+  expect(requestOf(begin, "bench").channels).toEqual(["p", "valve"]);
+  expect(requestOf({ ...begin, output: "" }, "bench").channels).toEqual(["p"]);
+  expect(liveOf(begin, "bench").channels).toEqual(["p"]);
+  const template = requestOf(begin, "bench");
+  expect(fieldsOf(template, ["p"])).toMatchObject({ channels: ["p"], output: "valve", commanded: true });
+  // An input that has the name of the output is measured.
+  expect(fieldsOf(template, ["p", "valve"])).toMatchObject({ channels: ["p", "valve"], commanded: false });
+});
+
+describe("the first day", () => {
+  const today = "2026-11-22";
+  const found = (result: "ok" | "note" | "fails", what: string) => ({ result, what, told: "", remedy: "" });
+  const input = { name: "position", channel: "a/ai0", kind: "voltage", unit: "mm", sensitivity: 1, range: 5, calibration: { due: "2027-03-02" } };
+  const output = { name: "valve", channel: "a/ao0", kind: "voltage", amplitude: 1, slew: 10, duration: 60, safe: 0, soft_start: 0.1, soft_stop: 0.1 };
+  const whole = { inputs: [input], outputs: [output], findings: ["hardware", "device a", "input position", "output valve"].map((what) => found("ok", what)) };
+  const of = (document: Parameters<typeof firstDay>[0], change = {}) => firstDay(document, { present: true, recorded: true, today, ...change }).filter((step) => step.result !== "ok");
+
+  it("is over when everything fits and something was recorded", () => {
+    expect(of(whole)).toEqual([]);
+    expect(of(whole, { present: false, recorded: false })).toEqual([
+      { what: "agent", result: "fails", names: [] },
+      { what: "recording", result: undefined, names: [] },
+    ]);
+  });
+
+  it("names what does not fit, is overdue or has no limits", () => {
+    const findings = [found("fails", "hardware"), found("note", "device a"), found("fails", "input position"), found("note", "input position"), found("fails", "output valve")];
+    const overdue = { ...input, chain: [{ model: "amplifier", serial: "", gain: 1, calibration: { due: "2026-01-01" } }] };
+    expect(of({ inputs: [overdue], outputs: [{ ...output, slew: null }], findings })).toEqual([
+      { what: "hardware", result: "fails", names: [] },
+      { what: "devices", result: "note", names: ["a"] },
+      { what: "inputs", result: "fails", names: ["position"] },
+      { what: "outputs", result: "fails", names: ["valve"] },
+      { what: "calibrations", result: "fails", names: ["position"] },
+      { what: "limits", result: "note", names: ["valve"] },
+    ]);
+  });
+
+  it("says nothing of what nobody has tried, and of outputs that there are not", () => {
+    expect(of({ inputs: [{ ...input, calibration: undefined }] }).map((step) => [step.what, step.result])).toEqual([
+      ["hardware", undefined],
+      ["devices", undefined],
+      ["inputs", undefined],
+      ["calibrations", "note"],
+    ]);
+  });
 });
 
 it("shows the same channels without a drive, repetitions or a question", () => {
