@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from datetime import datetime
 from itertools import takewhile
+from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, cast
 
 from servotune.documents import given
@@ -182,6 +183,27 @@ class Job(Generic[ResultT]):
     def script(self) -> str:
         """Return a standalone Python script that repeats an optimisation, and compares what it finds with the result."""
         return self._transport.send("GET", f"/v1/jobs/{self.id}/script").text
+
+    def report(self, form: Literal["html", "pdf"] = "html", path: Path | str | None = None) -> bytes:
+        """Return a report of the job that needs no other file: one HTML page, or a PDF.
+
+        It says who asked for what, what came out with figures, certificate and warnings, and what it was made from.
+
+        Parameters
+        ----------
+        form : {"html", "pdf"}, optional
+        path : pathlib.Path or str, optional
+            Where it is written, too.
+
+        Raises
+        ------
+        ApiError
+            The job has no result (yet), or is of a kind that has no report.
+        """
+        found = self._transport.send("GET", f"/v1/jobs/{self.id}/report", params={"format": form}).content
+        if path is not None:
+            Path(path).write_bytes(found)
+        return found
 
     def _take(self, event: Event) -> None:
         """Take an event into the state: its data is the bare value or an object that holds it."""

@@ -1,4 +1,7 @@
-"""What a process of its own computes for one large request, and ends: its memory is given back, and it can be killed."""
+"""What a process of its own computes for one large request, and ends: its memory is given back, and it can be killed.
+
+A large study, or a report: that loads what draws and what writes pages, and no other request waits for that.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,12 @@ from api.problems.documents import Problem
 from api.problems.exceptions import KNOWN, problem_of
 from api.processes.worker import bound_memory, installed, opened, prepare
 from api.services.jobs.computing import REFUSED
+from api.services.reports import reports
 from api.services.studies.results import with_text
 from api.services.studies.studied import STUDIES
 from api.settings import Settings
 from storage.jobs.compute import ComputeJob, Reporter
+from storage.session import Database
 
 __all__ = ["prepare", "run"]
 
@@ -23,15 +28,13 @@ _NICE = 10
 
 
 def run(job: ComputeJob, _: Reporter) -> Mapping[str, Any]:
-    """Compute a study: ``{"study": Study}``, or ``{"refused": Problem}``."""
+    """Compute ``{"study": Study}`` or ``{"report": bytes}``, or say ``{"refused": Problem}``."""
     settings: Settings = job.body["settings"]
     os.nice(_NICE)
     limit = bound_memory(settings.request_memory)
     with opened(job.database_url) as database:
-        service = installed(database, settings)
         try:
-            request = job.body["model"].model_validate(job.body["request"])
-            study = with_text(STUDIES[job.kind](service, job.body["caller"], request))
+            return _report(job, database) if job.kind == reports.KIND else _study(job, database)
         except MemoryError:
             detail = (
                 f"a request must need at most {limit} bytes of memory (SERVOTUNE_REQUEST_MEMORY), got one that needs "
@@ -40,5 +43,15 @@ def run(job: ComputeJob, _: Reporter) -> Mapping[str, Any]:
             return {REFUSED: Problem(422, "too-large", detail)}
         except KNOWN as error:
             return {REFUSED: problem_of(error)}
+
+
+def _report(job: ComputeJob, database: Database) -> Mapping[str, Any]:
+    return {"report": reports.written(database, job.workspace_id, job.body["of"], job.body["form"])}
+
+
+def _study(job: ComputeJob, database: Database) -> Mapping[str, Any]:
+    service = installed(database, job.body["settings"])
+    request = job.body["model"].model_validate(job.body["request"])
+    study = with_text(STUDIES[job.kind](service, job.body["caller"], request))
     # What is not kept travels as the text that is sent, and only so.
     return {"study": study if job.body["kept"] else replace(study, body={})}

@@ -75,6 +75,23 @@ def script(client: Client, *, job: str) -> None:
     click.echo(client.jobs.get(job).script())
 
 
+@jobs.command
+@click.argument("job", shell_complete=ids("jobs"))
+@click.option(
+    "--html", "form", flag_value="html", default=True, help="One page that needs no other file (the default)."
+)
+@click.option("--pdf", "form", flag_value="pdf", help="Pages of A4.")
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="File to write; report_JOB.html by default."
+)
+@asking
+def report(client: Client, *, job: str, form: Literal["html", "pdf"], output: Path | None) -> None:
+    """Write a report of a job: what was asked, what came out, the proof, and what it was made from."""
+    target = output or Path(f"report_{job}.{form}")
+    found = client.jobs.get(job).report(form, target)
+    click.echo(f"{target}: {len(found)} bytes")
+
+
 def _changing(name: str, help_: str) -> None:
     @jobs.command(name, help=help_)
     @click.argument("job", shell_complete=ids("jobs"))

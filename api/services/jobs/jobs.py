@@ -79,15 +79,19 @@ def page(
 
 def result(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     """Return what came out; 409 for a job that has nothing (yet)."""
-    job = JobRepository(session, caller.workspace).get(identifier)
+    results = ResultRepository(session, caller.workspace)
+    return results.body(results.get(result_of(JobRepository(session, caller.workspace).get(identifier))))
+
+
+def result_of(job: Job) -> str:
+    """Return the id of a job's result; 409 for a job that has nothing (yet)."""
     if job.result_id is None:
         raise Problem(
             409,
             "no-result",
-            f"job {identifier!r} must have succeeded to have a result, or have been a search with a best point when it was cancelled; it is {job.status}",
+            f"job {job.id!r} must have succeeded to have a result, or have been a search with a best point when it was cancelled; it is {job.status}",
         )
-    results = ResultRepository(session, caller.workspace)
-    return results.body(results.get(job.result_id))
+    return job.result_id
 
 
 def request(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:

@@ -350,6 +350,7 @@ def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> dic
     ask(f"GET {one}/result", identifier=job["id"])
     ask(f"GET {one}/request", identifier=job["id"])
     ask(f"GET {one}/script", identifier=job["id"])
+    ask(f"GET {one}/report", query={"format": "html"}, identifier=job["id"])
     ask(f"GET {one}/events", headers={"Last-Event-ID": "1"}, identifier=job["id"])
     ask(f"POST {one}/cancel", identifier=job["id"])
     return body

@@ -1,0 +1,86 @@
+"""A report of a finished job: what is needed of the database is read, the rest is computed and drawn, and one file is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Literal
+
+from sqlalchemy.orm import Session
+
+from api.problems.documents import Problem
+from api.services.identifications import identifications
+from api.services.jobs import jobs
+from api.services.operation.app_context import Caller
+from api.services.optimizations import optimizations
+from api.services.reports import as_html, as_pdf
+from api.services.reports.common import facts, lineage, warnings
+from api.services.reports.kinds import identified, influenced, optimized, studied, validated
+from api.services.reports.model import Report, Section, clean
+from api.services.reports.origins import Asked, Told, tell
+from api.services.systems.systems import compiled
+from api.services.validations import validations
+from engine.diagram.diagram import Diagram
+from storage.repositories import JobRepository
+from storage.session import Database
+
+KIND = "report"
+"""What a process of its own is told that it shall do."""
+Form = Literal["html", "pdf"]
+MEDIA_TYPES: Mapping[Form, str] = MappingProxyType({"html": as_html.MEDIA_TYPE, "pdf": as_pdf.MEDIA_TYPE})
+
+_WRITE: Mapping[Form, Callable[[Report], bytes]] = {"html": as_html.write, "pdf": as_pdf.write}
+_SECTIONS: Mapping[str, tuple[str, Callable[[Asked], Iterator[Section]]]] = {
+    optimizations.KIND: ("Optimisation", optimized.sections),
+    identifications.KIND: ("Identification", identified.sections),
+    validations.KIND: ("Validation", validated.sections),
+    "influence": ("Influence", influenced.sections),
+    "simulation": ("Simulation", studied.simulation),
+    "frequency_response": ("Frequency response", studied.frequency),
+}
+
+
+def check(session: Session, caller: Caller, identifier: str) -> None:
+    """Prove that there is something to report of.
+
+    Raises
+    ------
+    Problem
+        409 for a job without a result (yet), and for one of a kind that has no report.
+    """
+    job = JobRepository(session, caller.workspace).get(identifier)
+    if job.kind not in _SECTIONS:
+        rule = f"job {identifier!r} must be one of {', '.join(_SECTIONS)} to have a report"
+        raise Problem(409, "no-report", f"{rule}; it is {job.kind}")
+    jobs.result_of(job)
+
+
+def written(database: Database, workspace: str, identifier: str, form: Form) -> bytes:
+    """Return the report as a file."""
+    with database.session() as session:
+        told = tell(session, workspace, identifier)
+    return _WRITE[form](report_of(told))
+
+
+def report_of(told: Told) -> Report:
+    """Return all that is said of a job."""
+    kind, say = _SECTIONS[told.job.kind]
+    asked = Asked(told=told, diagram=_diagram(told))
+    finished = told.job.finished_at or told.job.created_at
+    return Report(
+        title=clean(str((told.system or {}).get("name") or "") or kind),
+        kind=f"{kind}: report of a study",
+        author=clean(told.author),
+        made_at=finished.isoformat(timespec="seconds"),
+        facts=list(facts(told)),
+        sections=[*warnings(told), *say(asked), lineage(told)],
+    )
+
+
+def _diagram(told: Told) -> Diagram | None:
+    """Return the checked diagram of the system, of several structures that of the chosen one."""
+    document = told.system
+    for one in told.request.get("alternatives") or []:
+        if one.get("name") == told.result.get("chosen"):
+            document = one["system"]
+    return None if document is None else compiled(document, place=("system",))

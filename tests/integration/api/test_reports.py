@@ -1,0 +1,270 @@
+"""Reports of finished jobs, by a real service and a worker: what they say, of what there is none, and who may read them."""
+
+from __future__ import annotations
+
+import io
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pypdf
+import pytest
+
+from api.services.reports.quantities import measured, metric_value, plain, quantity
+from servotune import connect
+from servotune.errors import ApiError
+from tests.integration.api.conftest import finished
+from tests.integration.api.documents import LAG, OPTIMIZATION, RAW, lag_recording, upload
+
+HOSTILE = '<img src=x onerror=alert(1)> & "țăruș" $k_p$'
+STEP = {"port": "u", "signal": {"kind": "step", "amplitude": 2}}
+GOALS = [
+    {"metric": "rise_time", "experiment": "step", "output": "y", "sense": "minimize"},
+    {"metric": "peak", "experiment": "step", "output": "y", "upper": 12},
+    {"metric": "phase_margin", "open_at": "plant", "lower": {"value": 30, "unit": "deg"}},
+]
+#: A lag in a loop, with a name and a parameter that are what people write.
+LOOP: dict[str, Any] = {
+    "name": HOSTILE,
+    "parameters": {
+        "k": {"value": 1, "lower": 0.1, "upper": 10, "doc": f"gain {HOSTILE}"},
+        "tau": {"value": 0.2, "unit": "s", "lower": 0.001, "upper": 1},
+    },
+    "blocks": {
+        "u": {"kind": "input"},
+        "error": {"kind": "sum", "signs": "+-"},
+        "plant": {"kind": "transfer_function", "numerator": ["=k"], "denominator": ["=tau", 1]},
+    },
+    "connections": [
+        {"from": "u", "to": "error.in1"},
+        {"from": "plant", "to": "error.in2"},
+        {"from": "error", "to": "plant"},
+    ],
+    "outputs": {"y": "plant"},
+}
+
+
+class Page(HTMLParser):
+    """The elements of a page, and its texts by the element that they stand in."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.names: list[str] = []
+        self.texts: dict[str, list[str]] = {}
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.names.append(tag)
+        assert not any(name.startswith("on") for name, _ in attrs)
+
+    def handle_data(self, data: str) -> None:
+        if data.strip():
+            self.texts.setdefault(self.names[-1], []).append(data)
+
+
+@pytest.fixture(scope="module")
+def client(sqlite_service, sqlite_worker):
+    with sqlite_service.client() as own:
+        yield own
+
+
+def done(client: httpx.Client, path: str, body: dict[str, Any]) -> str:
+    reply = client.post(f"/v1/{path}", json=body, headers={"Prefer": "respond-async"})
+    assert reply.status_code == 202, reply.text
+    ended = finished(client, reply.json())
+    assert ended["status"] == "succeeded", ended
+    return str(ended["id"])
+
+
+def page(client: httpx.Client, job: str) -> Page:
+    reply = client.get(f"/v1/jobs/{job}/report", params={"format": "html"})
+    assert reply.status_code == 200, reply.text
+    assert reply.headers["Content-Type"] == "text/html; charset=utf-8"
+    assert reply.headers["Content-Disposition"] == f'attachment; filename="report_{job}.html"'
+    return Page(reply.text)
+
+
+def pdf(client: httpx.Client, job: str) -> str:
+    reply = client.get(f"/v1/jobs/{job}/report", params={"format": "pdf"})
+    assert reply.status_code == 200, reply.text
+    assert reply.headers["Content-Type"] == "application/pdf"
+    assert reply.headers["Content-Disposition"] == f'attachment; filename="report_{job}.pdf"'
+    return " ".join(" ".join(one.extract_text() for one in pypdf.PdfReader(io.BytesIO(reply.content)).pages).split())
+
+
+@pytest.fixture(scope="module")
+def system(client) -> str:
+    return str(client.post("/v1/systems", json=LOOP).json()["id"])
+
+
+@pytest.fixture(scope="module")
+def optimum(client, system) -> str:
+    asked = {
+        "system": system,
+        "variables": [{"parameter": "k", "lower": 0.5, "upper": 5}],
+        "experiments": [{"name": "step", "input": STEP}],
+        "goals": GOALS,
+        "scenarios": [{"name": "slow", "parameters": {"tau": {"value": 400, "unit": "ms"}}}, {"name": "fast", "parameters": {}}],
+        "method": {"kind": "gradient", "starts": 2, "seed": 7},
+    }  # fmt: skip
+    return done(client, "optimizations", asked)
+
+
+@pytest.fixture(scope="module")
+def dataset(client) -> str:
+    reply = upload(client, RAW | {"name": "probe"}, lag_recording(samples=2000))
+    return str(reply.json()["id"])
+
+
+def test_a_report_of_an_optimisation_has_every_number_in_both_forms(client, system, optimum) -> None:
+    result = client.get(f"/v1/jobs/{optimum}/result").json()
+    html, text = page(client, optimum), pdf(client, optimum)
+    cells = html.texts["td"]
+    wanted = [
+        quantity(result["best"]["k"], "1", 5),
+        *(measured(g["metric"], g[when]) for g in result["goals"] for when in ("before", "after")),
+        *(plain(proof["violation"]) for proof in result["certificate"]["goals"]),
+        "minimised", "≤ 12", "≥ 30 °", "at its upper bound", "gradient".capitalize(), "slow", "tau 400 ms", "7",
+        "u: step, amplitude 2", f"{system}@1",
+    ]  # fmt: skip
+    for number in wanted:
+        assert number in cells, number
+        assert number in text, number
+    # best is the upper end: the gain that makes a lag fastest is the largest that the goals allow
+    assert result["best"]["k"] == pytest.approx(5)
+    facts = dict(zip(html.texts["dt"], html.texts["dd"], strict=True))
+    assert facts["Asked for by"] == "admin"
+    assert facts["Revision"] == f"1 of {system}"
+    assert facts["Job"] == f"{optimum}, succeeded"
+    assert "servotune 0.1.0" in facts["Software"]
+    assert html.names.count("svg") == 4  # responses, Bode, Nyquist, convergence
+    assert [*html.texts["h2"]][-1] == "Lineage"
+
+
+def test_what_people_wrote_is_never_part_of_the_page(client, optimum) -> None:
+    found = page(client, optimum)
+    assert "img" not in found.names
+    assert "script" not in found.names
+    assert found.texts["h1"] == [HOSTILE]
+    assert f"gain {HOSTILE}" in found.texts["td"]
+    assert HOSTILE in pdf(client, optimum)
+
+
+def test_the_same_job_has_the_same_report(client, optimum) -> None:
+    for form in ("html", "pdf"):
+        first, second = (client.get(f"/v1/jobs/{optimum}/report", params={"format": form}).content for _ in range(2))
+        assert first == second
+    assert client.get(f"/v1/jobs/{optimum}/report").headers["Content-Type"].startswith("text/html")
+
+
+STUDIES: dict[str, tuple[dict[str, Any], str, Any]] = {
+    "influence": (
+        {"input": "u", "output": "y", "parameters": ["k", "tau"], "metrics": ["rise_time", "peak"]},
+        "Elasticities",
+        lambda result: plain(result["elasticities"]["rise_time"]["k"]["value"], 3),
+    ),
+    "simulations": (
+        {"input": STEP, "variants": [{}, {"k": 4}], "samples": 100},
+        "Metrics of y",
+        lambda result: quantity(result["variants"][1]["metrics"]["y"]["rise_time"]["value"], "s"),
+    ),
+    "frequency-responses": (
+        {"open_at": "plant", "variants": [{"k": 4}]},
+        "Margins and poles",
+        lambda result: metric_value("phase_margin", result["variants"][0]["margins"]["phase"][0]["value"], "rad"),
+    ),
+}
+
+
+@pytest.mark.parametrize("path", STUDIES)
+def test_a_report_of_a_study_has_its_numbers(client, system, path) -> None:
+    body, heading, number = STUDIES[path]
+    job = done(client, path, body | {"system": system})
+    wanted = number(client.get(f"/v1/jobs/{job}/result").json())
+    found = page(client, job)
+    assert heading in found.texts["h2"]
+    assert wanted in found.texts["td"]
+    assert "svg" in found.names
+    assert wanted in pdf(client, job)
+
+
+def test_an_identification_and_a_validation_are_reported_also_when_the_recording_is_gone(client, dataset) -> None:
+    about = {"system": LAG, "dataset": dataset, "inputs": {"u": "u"}, "outputs": {"y": "y"}}
+    identified = done(client, "identifications", about | {"parameters": ["k", "tau"], "offsets": "estimate"})
+    validated = done(client, "validations", about | {"parameters": {"k": 2, "tau": 0.05}})
+    signal = {"kind": "sampled", "dataset": dataset, "channel": "u"}
+    recorded = [{"name": "as recorded", "input": {"port": "u", "signal": signal}, "duration": 1}]
+    goal = {"metric": "peak", "output": "y", "sense": "minimize"}
+    method = {"kind": "grid", "points": 3}
+    searched = done(
+        client, "optimizations",
+        {"system": LAG, "variables": [{"parameter": "k"}], "experiments": recorded, "goals": [goal], "method": method},
+    )  # fmt: skip
+    before = {job: page(client, job) for job in (identified, validated, searched)}
+    assert all("probe" in found.texts["td"] for found in before.values())
+    assert client.delete(f"/v1/datasets/{dataset}", params={"force": True}, headers={"If-Match": "*"}).is_success
+    result = client.get(f"/v1/jobs/{identified}/result").json()
+    tau = plain(result["parameters"]["tau"]["value"], 5)
+    for job, number in ((identified, tau), (validated, "fail"), (searched, "0.1")):
+        found, text = page(client, job), pdf(client, job)
+        assert "deleted since" in found.texts["td"]
+        assert "deleted since" in text
+        assert number in text
+        assert before[job].texts["h2"] == found.texts["h2"]
+
+
+def test_an_identification_without_a_system_is_reported(client) -> None:
+    source = str(upload(client, RAW, lag_recording(samples=1000)).json()["id"])
+    body = {"method": "transfer_function", "dataset": source, "inputs": {"u": "u"}, "outputs": {"y": "y"}}
+    job = done(client, "identifications", body)
+    found = page(client, job)
+    assert found.texts["h1"] == ["Identification"]
+    assert "Agreement with the recordings" in found.texts["h2"]
+    assert "transfer function" in pdf(client, job)
+
+
+def test_several_structures_are_told_with_the_one_that_was_chosen(client) -> None:
+    others = [{"name": "as it is"}, {"name": "faster", "add": {"parameters": {"tau": {"value": 0.02, "unit": "s"}}}}]
+    job = done(client, "optimizations", OPTIMIZATION | {"system": LAG, "alternatives": others})
+    found = page(client, job)
+    assert "Of 2 structures, faster was chosen; what follows is about it." in found.texts["p"]
+    assert {"as it is", "faster"} <= set(found.texts["td"])
+
+
+def test_without_a_result_there_is_no_report(client) -> None:
+    long = OPTIMIZATION | {"system": LAG, "method": {"kind": "grid", "points": {"k": 1_000_000}}}
+    job = client.post("/v1/optimizations", json=long).json()["id"]
+    reply = client.get(f"/v1/jobs/{job}/report")
+    assert (reply.status_code, reply.json()["type"]) == (409, "urn:servotune:problem:no-result")
+    assert job in reply.json()["detail"]
+    assert client.post(f"/v1/jobs/{job}/cancel").is_success
+
+
+def test_of_what_is_no_study_there_is_no_report(client) -> None:
+    job = upload(client, {"name": "table", "format": "csv"}, b"t [s];y [N]\n0;1\n1;2\n2;3\n").json()["job"]
+    assert finished(client, job)["status"] == "succeeded"
+    reply = client.get(f"/v1/jobs/{job['id']}/report", params={"format": "pdf"})
+    assert (reply.status_code, reply.json()["type"]) == (409, "urn:servotune:problem:no-report")
+    assert f"{job['id']!r} must be one of optimization, identification" in reply.json()["detail"]
+    assert reply.json()["detail"].endswith(f"it is {job['kind']}")
+
+
+def test_who_may_read_a_report(sqlite_service, client, optimum) -> None:
+    with sqlite_service.client("read") as reader, sqlite_service.client("stranger") as stranger:
+        assert reader.get(f"/v1/jobs/{optimum}/report").status_code == 200
+        assert stranger.get(f"/v1/jobs/{optimum}/report").status_code == 404
+    wrong = client.get(f"/v1/jobs/{optimum}/report", params={"format": "docx"})
+    assert wrong.status_code == 422
+    assert "must be 'html' or 'pdf', got 'docx'" in wrong.json()["detail"]
+
+
+def test_a_script_writes_a_report(sqlite_service, optimum, tmp_path: Path) -> None:
+    with connect(sqlite_service.url, key=sqlite_service.keys["read"]) as script:
+        job = script.jobs.get(optimum)
+        content = job.report("pdf", tmp_path / "report.pdf")
+        assert content.startswith(b"%PDF-")
+        assert (tmp_path / "report.pdf").read_bytes() == content
+        assert job.report().startswith(b"<!doctype html>")
+        with pytest.raises(ApiError, match="job"):
+            script.jobs.get("job_nothing")
