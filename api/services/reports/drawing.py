@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +38,8 @@ _DASHES: tuple[Any, ...] = (
 _WIDTH = 7.1
 """Inches: that of the text on a page of A4."""
 _LABEL = 60
+_MOST_POINTS = 2000
+"""Of a curve: more than a page has dots across."""
 _SETTINGS: Mapping[Any, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "servotune",
@@ -99,7 +102,28 @@ class Panel:
 
 def numbers(values: Any) -> Curve:
     """Return numbers of a result as an array; null is NaN, and what is not there is empty."""
+    if isinstance(values, np.ndarray):
+        return values.astype(float)
     return np.array([np.nan if value is None else value for value in (() if values is None else values)], dtype=float)
+
+
+def thinned(x: Curve, y: Curve) -> tuple[Curve, Curve]:
+    """Return a curve with no more than `_MOST_POINTS`: of each of many short stretches its lowest and its highest point.
+
+    Gaps within a stretch are closed, a stretch of nothing but gaps stays one.
+    """
+    if x.size <= _MOST_POINTS:
+        return x, y
+    ends = np.linspace(0, x.size, _MOST_POINTS // 2 + 1).astype(int)
+    lowest, highest = np.where(np.isnan(y), np.inf, y), np.where(np.isnan(y), -np.inf, y)
+    kept = sorted(
+        {
+            place
+            for a, b in pairwise(ends)
+            for place in (a + int(np.argmin(lowest[a:b])), a + int(np.argmax(highest[a:b])))
+        }
+    )
+    return x[kept], y[kept]
 
 
 def text(given: str) -> str:
@@ -135,7 +159,7 @@ def _draw(axes: Axes, panel: Panel, names: Sequence[str], handles: dict[str, Any
             look["drawstyle"] = "steps-post"
         if line.x.size == 1:
             look |= {"marker": "o", "markersize": 3}
-        (handles[line.label],) = axes.plot(line.x, line.y, **look)
+        (handles[line.label],) = axes.plot(*thinned(line.x, line.y), **look)
     axes.set(title=text(panel.title), xlabel=text(panel.x), ylabel=text(panel.y))
     axes.margins(x=0.01)
     if panel.logarithmic:

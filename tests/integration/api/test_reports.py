@@ -232,6 +232,25 @@ def test_several_structures_are_told_with_the_one_that_was_chosen(client) -> Non
     assert {"as it is", "faster"} <= set(found.texts["td"])
 
 
+def test_a_front_is_drawn_and_listed_with_its_knee(client) -> None:
+    goals = [
+        {"metric": "rise_time", "output": "y", "sense": "minimize"},
+        {"metric": "peak", "output": "y", "sense": "minimize"},
+    ]
+    body = OPTIMIZATION | {
+        "system": LOOP, "goals": goals,
+        "variables": [{"parameter": "k"}, {"parameter": "tau", "lower": 0.01}],
+        "method": {"kind": "pareto", "points": 4, "population": 16, "generations": 2},
+    }  # fmt: skip
+    job = done(client, "optimizations", body)
+    result = client.get(f"/v1/jobs/{job}/result").json()
+    found = page(client, job)
+    assert "Front" in found.texts["h2"]
+    assert f"{result['knee'] + 1} (knee)" in found.texts["td"]
+    assert {measured("peak", point["goals"][1]) for point in result["front"]} <= set(found.texts["td"])
+    assert "The front over two objectives, the knee in a circle." in found.texts["figcaption"]
+
+
 def test_without_a_result_there_is_no_report(client) -> None:
     long = OPTIMIZATION | {"system": LAG, "method": {"kind": "grid", "points": {"k": 1_000_000}}}
     job = client.post("/v1/optimizations", json=long).json()["id"]

@@ -10,7 +10,7 @@ import pypdf
 import pytest
 
 from api.services.reports import as_html, as_pdf
-from api.services.reports.drawing import Line, Panel, bars, panels
+from api.services.reports.drawing import Line, Panel, bars, panels, thinned
 from api.services.reports.matrices import matrix
 from api.services.reports.model import MOST_ROWS, Report, Section, Sentence, table
 from api.services.reports.responses import bode, nyquist, over_time
@@ -170,6 +170,21 @@ def test_a_figure_is_drawn_until_nothing_moves_any_more() -> None:
     short, long = (over_time(one, {}, "y")[0].svg for one in (settled, moving))  # type: ignore[union-attr]
     # Where the axis ends at 6 s it has no room for a mark at 80 s: both drawings differ in their marks.
     assert short.count("xtick_") != long.count("xtick_")
+
+
+def test_a_long_curve_keeps_its_peaks_and_its_gaps() -> None:
+    rng = np.random.default_rng(1)
+    x, y = np.arange(100_000.0), rng.normal(size=100_000)
+    y[70_123], y[40_001], y[10_000:20_000] = 9.0, -9.0, np.nan
+    short_x, short_y = thinned(x, y)
+    assert short_x.size <= 2000
+    assert np.all(np.diff(short_x) > 0)
+    assert (short_x[np.nanargmax(short_y)], short_x[np.nanargmin(short_y)]) == (70_123, 40_001)
+    assert np.isnan(short_y[(short_x > 10_100) & (short_x < 19_900)]).all()
+    assert thinned(x[:10], y[:10])[0].size == 10
+    curves = {f"v{i}": {"time": x, "outputs": {"y": y}} for i in range(12)}
+    (figure,) = over_time(curves, {}, "noise")
+    assert len(figure.svg) < 1_500_000  # type: ignore[union-attr]
 
 
 def test_figures_are_paths_without_texts_and_comments() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from api.services.reports.common import pairs, written
 from api.services.reports.drawing import bars
-from api.services.reports.kinds.optimized import title
+from api.services.reports.kinds.naming import title
 from api.services.reports.matrices import matrix, shown
 from api.services.reports.model import Part, Section, Sentence, table
 from api.services.reports.origins import Asked

@@ -16,6 +16,8 @@ from api.schemas.optimizations import GoalDocument
 from api.services.reports import responses
 from api.services.reports.common import commands, pairs, sentences, written
 from api.services.reports.drawing import Line, Panel, numbers, panels
+from api.services.reports.kinds.fronts import front
+from api.services.reports.kinds.naming import place_of, title
 from api.services.reports.kinds.variables import chosen_variables
 from api.services.reports.matrices import matrix
 from api.services.reports.model import Figure, Part, Section, Sentence, Table, table
@@ -23,7 +25,6 @@ from api.services.reports.origins import Asked
 from api.services.reports.quantities import NOTHING, measured, metric_value, plain, quantity, words
 from engine.analysis.study import frequency_response
 from engine.diagram.diagram import Diagram
-from engine.metrics import catalogue
 from optimizers import methods
 from optimizers.problem import Goal, Sense
 
@@ -40,6 +41,7 @@ def sections(asked: Asked) -> Iterator[Section]:
     yield Section("Design variables", chosen_variables(asked, asked.diagram))
     yield Section("Goals", [_goal_table(asked, goals)])
     yield Section("Certificate", list(_certificate(asked)))
+    yield from front(asked)
     yield from _figures(asked, asked.diagram)
     yield Section("Influence at the optimum", list(_elasticities(asked)))
     yield Section("Search", list(_search(asked)))
@@ -110,21 +112,6 @@ def _goal_table(asked: Asked, goals: Sequence[Goal | None]) -> Table:
             )
         )
     return table(("Metric", "Of", "Wanted", "Before", "After", ""), rows, numeric=[3, 4], total=len(rows))
-
-
-def title(metric: str) -> str:
-    """Return what a metric is called."""
-    known = catalogue().get(metric)
-    return known.title if known is not None else words(metric)
-
-
-def place_of(found: Mapping[str, Any], goal: Goal | None) -> str:
-    """Return where a goal is measured: an output under its experiment, a path, or an opened loop."""
-    if goal is not None and goal.open_at is not None:
-        return f"loop at {written(goal.open_at)}"
-    if goal is not None and goal.source is not None:
-        return f"{goal.source} → {goal.target}"
-    return " · ".join(str(one) for one in (found.get("output"), found.get("experiment")) if one)
 
 
 def _wanted(goal: Goal, unit: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from api.services.reports import responses
 from api.services.reports.common import pairs, sentences, written
-from api.services.reports.kinds.optimized import title
+from api.services.reports.kinds.naming import title
 from api.services.reports.model import Part, Section, Sentence, table
 from api.services.reports.origins import Asked
 from api.services.reports.quantities import measured, metric_value, plain, quantity, words
