@@ -95,9 +95,9 @@ def _head(pdf: FPDF, report: Report) -> None:
 
 
 def _section(pdf: FPDF, section: Section) -> None:
-    # A heading stands on the page of what it is about.
-    first = section.parts[0] if section.parts else None
-    needed = 14 + (_height(pdf, first) if isinstance(first, Figure) else 14)
+    # A heading stands on the page of what it is about, and so does the sentence before a figure.
+    figure = next((part for part in section.parts[:2] if isinstance(part, Figure)), None)
+    needed = 28 + (0 if figure is None else _height(pdf, figure))
     if pdf.get_y() + needed > pdf.h - _FOOT:
         pdf.add_page()
     pdf.ln(5)

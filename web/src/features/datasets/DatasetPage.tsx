@@ -6,6 +6,7 @@ import { Link, useParams } from "react-router";
 import { api, atOnce, must } from "@/shared/api/client";
 import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
+import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { ruleAndValue } from "@/shared/forms/faults";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
@@ -83,6 +84,7 @@ export function DatasetPage() {
     <div className="page">
       <PageHead title={dataset.data.name} doc={ready && names.length > 0 ? t(dataset.data.uneven ? "datasets.aboutUneven" : "datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
         <StatusBadge status={dataset.data.status} />
+        <CommentsButton key={id} about={id} />
         {ready && names.length > 0 && (
           <Button component={Link} to={`/datasets/${id}/process`} variant="default">
             {t("process.open")}

@@ -6,6 +6,7 @@ import { api, must } from "@/shared/api/client";
 import { ENDED, jobQuery, resultQuery } from "@/shared/api/jobs";
 import { Problem } from "@/shared/api/problem";
 import { systemQuery } from "@/shared/api/systems";
+import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { download } from "@/shared/plots/export";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -19,6 +20,9 @@ import { Convergence } from "./optimization/Convergence";
 import { OptimizationView } from "./optimization/OptimizationView";
 import { isIdentification, isOptimization, isValidation } from "./results";
 import { ValidationView } from "./ValidationView";
+
+/** Kinds of jobs of which the service writes a report. */
+const REPORTED = new Set(["optimization", "identification", "validation", "influence", "simulation", "frequency_response"]);
 
 export function JobPage() {
   const { t } = useTranslation();
@@ -54,6 +58,7 @@ export function JobPage() {
         }
       >
         <StatusBadge status={status} />
+        <CommentsButton key={id} about={id} />
         {running && (
           <Button variant="default" color="red" onClick={() => cancel.mutate()} loading={cancel.isPending}>
             {t("jobs.cancel")}
@@ -67,6 +72,13 @@ export function JobPage() {
         <Button variant="default" component={Link} to={`/lineage/${id}`}>
           {t("lineage.open")}
         </Button>
+        {result.data !== undefined &&
+          REPORTED.has(kind) &&
+          (["html", "pdf"] as const).map((form) => (
+            <Button key={form} variant="default" component="a" href={`/v1/jobs/${id}/report?format=${form}`} download>
+              {t(`jobs.report.${form}`)}
+            </Button>
+          ))}
         {kind === "optimization" && (
           <Button variant="default" component="a" href={`/v1/jobs/${id}/script`} download>
             {t("jobs.script")}

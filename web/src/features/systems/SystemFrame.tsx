@@ -3,6 +3,7 @@ import { useDocumentTitle } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { NavLink, Outlet, useParams } from "react-router";
+import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { systemQuery } from "@/shared/api/systems";
 import classes from "./SystemFrame.module.css";
@@ -28,6 +29,7 @@ export function SystemFrame() {
               {t("system.revision", { number: system.data.revision })}
             </Text>
           )}
+          {system.data && <CommentsButton key={id} about={id} size="compact-xs" variant="subtle" />}
         </Group>
         <nav className={classes.views} aria-label={t("system.views")}>
           {VIEWS.map((view) => (
