@@ -2,9 +2,9 @@
 
 Of linear systems without delays the compiled kernels answer steps, loops and paths; `engine.batch.linear` answers responses with delays, to
 every other command, integrals and poles. Of nonlinear systems responses to any command are marched, where their laws are formulas of the
-instant. Each metric is evaluated by its own evaluator, so that none waits for another. Everything else, and every candidate for which these
-cannot vouch, goes to the batched collocation of `engine.batch.collocation.screening`; what that cannot vouch for either is flagged doubtful and
-belongs to the exact path.
+instant. Each metric is evaluated by its own evaluator, so that none waits for another. Frequency metrics that the kernels do not answer are read
+off a scan over frequencies by `engine.batch.frequency`; responses for which the kernels cannot vouch are followed by `engine.batch.linear`.
+What these cannot vouch for either is flagged doubtful and belongs to the exact path.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.batch.collocation.screening import Screened
-from engine.batch.collocation.screening import Screening as Collocation
+from engine.batch.frequency.batch import FrequencyBatch
 from engine.batch.kernels.batch import Batch, Slopes, UnsuitableError
 from engine.batch.kernels.readings import TIME_READINGS
 from engine.batch.linear.responses import Responses
 from engine.batch.nonlinear.batch import NonlinearBatch
+from engine.batch.screened import Screened
 from engine.model.errors import EngineError
 from engine.model.traced import UnsuitableError as NoFormulaError
 
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 __all__ = ["Screened", "Screening", "Slopes"]
 
 _STEP = 1e-30
-_AGREED = 1e-4
-"""Relative difference of two methods that mean the same; collocation alone is right to about 1e-6."""
 
 
 class Screening:
@@ -53,11 +51,11 @@ class Screening:
         self._diagram = diagram
         self._threads = threads
         self._requests = tuple(requests)
-        self._all = Collocation(diagram, requests)
+        self._in_frequency = FrequencyBatch(diagram, requests).measured
         self._shares: dict[tuple[str, ...], _Shares] = {}
         self._batches: dict[tuple[str, ...], Batch | None] = {}
         self._marches: dict[tuple[str, ...], NonlinearBatch | None] = {}
-        self._rest: dict[tuple[int, ...], Collocation] = {}
+        self._scans: dict[tuple[int, ...], FrequencyBatch] = {}
 
     def compiled(self, parameters: Sequence[str]) -> bool:
         """Return whether compiled kernels answer every request, for these parameters varied."""
@@ -67,7 +65,7 @@ class Screening:
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.
 
-        Complex overrides carry derivatives, by collocation. Without a second opinion, what the kernels doubt stays so.
+        Complex overrides carry derivatives, which the kernels do not. Without a second opinion, what these doubt stays so.
         """
         return self._with_odd_members(overrides, self._screened(overrides, second_opinion=second_opinion))
 
@@ -89,16 +87,18 @@ class Screening:
             return self._marched(overrides)
         points = _side_by_side(overrides.values())
         shares, infinitesimals = self._shared(tuple(overrides)), np.iscomplexobj(points)
-        rest = [*shares.kernels, *shares.others] if infinitesimals else list(shares.others)
+        scanned = [*(shares.framed if infinitesimals else ()), *shares.others]
         found = Screened.unknown(len(points), len(self._requests), dtype=complex if infinitesimals else float)
         parts: list[tuple[list[int], Screened | Results]] = []
         if shares.batch is not None and not infinitesimals:
-            asked = partial(self._second_opinion, shares.batch, overrides) if second_opinion else None
+            asked = partial(self._second_opinion, shares, overrides) if second_opinion and shares.timed else None
             parts.append((list(shares.kernels), shares.batch(points, threads=self._threads, then=asked)))
         if shares.responses is not None:
             parts.append((list(shares.own), shares.responses(overrides)))
-        if rest or not parts:
-            parts.append((rest, self._only(tuple(rest))(overrides)))
+        if infinitesimals and shares.again is not None:
+            parts.append((list(shares.timed), shares.again(overrides)))
+        if scanned or not parts:
+            parts.append((scanned, self._scan(tuple(scanned))(overrides)))
         for columns, part in parts:
             whole = part.values.shape[1] == len(self._requests)
             own = columns if whole else list(range(len(columns)))
@@ -120,35 +120,30 @@ class Screening:
             own = [k for k, measured in zip(left, responses.measured, strict=True) if measured]
             if len(own) < len(left):
                 responses = Responses(self._diagram, [self._requests[k] for k in own], varied, threads=self._threads)
-            others = [k for k in left if k not in own and self._all.measurable[k]]
+            others = [k for k in left if k not in own and self._in_frequency[k]]
+            timed = [k for k in kernels if self._requests[k].metric in TIME_READINGS]
+            again = Responses(self._diagram, [self._requests[k] for k in timed], varied, threads=self._threads)
             self._shares[varied] = _Shares(
-                batch=batch if kernels else None, responses=responses if own else None, kernels=tuple(kernels),
-                own=tuple(own), others=tuple(others), complete=len(kernels) + len(own) == len(self._requests),
+                batch=batch if kernels else None, responses=responses if own else None, again=again if timed else None,
+                kernels=tuple(kernels), timed=tuple(timed), framed=tuple(k for k in kernels if k not in timed), own=tuple(own),
+                others=tuple(others), complete=len(kernels) + len(own) == len(self._requests),
             )  # fmt: skip
         return self._shares[varied]
 
-    def _second_opinion(self, batch: Batch, overrides: Mapping[str, Array], found: Results, span: slice) -> None:
-        """Ask collocation for the responses of a span for which the kernels could not vouch.
-
-        Two methods that agree have found the same event, and the kernels' value of it is the more exact one. In frequency
-        both read a table and may err alike.
-        """
-        mine = np.array(
-            [k for k, own in enumerate(batch.measured) if own and self._requests[k].metric in TIME_READINGS], int
-        )
+    def _second_opinion(self, shares: _Shares, overrides: Mapping[str, Array], found: Results, span: slice) -> None:
+        """Follow those responses of a span for which the kernels could not vouch; in frequency nobody else looks closer."""
+        assert shares.again is not None
+        timed = np.array(shares.timed, dtype=int)
         values, doubtful, growth = found.values[span], found.doubtful[span], found.growth[span]
         exists = found.valid[span] & ~(growth >= 0)
-        unsure = np.flatnonzero(doubtful[:, mine].any(axis=1) & exists)
+        unsure = np.flatnonzero(doubtful[:, timed].any(axis=1) & exists)
         if not unsure.size:
             return
-        part = {name: np.asarray(column)[span][unsure] for name, column in overrides.items()}
-        again = self._only(tuple(mine.tolist()))(part)
-        first, second = values[np.ix_(unsure, mine)], again.values
-        agree = (np.abs(first - second) <= _AGREED * np.abs(second)) | (np.isnan(first) & np.isnan(second))
-        vouched = ~again.doubtful & (again.growth < 0)[:, None]
-        open_ = doubtful[np.ix_(unsure, mine)] & ~(agree & vouched)
-        values[np.ix_(unsure, mine)] = np.where(open_ & vouched, second, first)
-        doubtful[np.ix_(unsure, mine)] = open_
+        again = shares.again({name: np.asarray(column)[span][unsure] for name, column in overrides.items()})
+        at = np.ix_(unsure, timed)
+        vouched = doubtful[at] & ~again.doubtful & (again.growth < 0)[:, None]
+        values[at] = np.where(vouched, again.values, values[at])
+        doubtful[at] &= ~vouched
         growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
 
     def slopes(self, overrides: Mapping[str, Array], directions: Mapping[str, Array]) -> Slopes | None:
@@ -183,7 +178,11 @@ class Screening:
         """Return the metrics of a nonlinear diagram."""
         points = _side_by_side(overrides.values())
         march = None if np.iscomplexobj(points) else self._march(tuple(overrides))
-        return self._all(overrides) if march is None else march(points, threads=self._threads)
+        if march is None:
+            return Screened.unknown(
+                len(points), len(self._requests), dtype=complex if np.iscomplexobj(points) else float
+            )
+        return march(points, threads=self._threads)
 
     def _march(self, varied: tuple[str, ...]) -> NonlinearBatch | None:
         """Return what marches a nonlinear diagram; None where its laws are no formulas."""
@@ -203,19 +202,26 @@ class Screening:
                 self._batches[varied] = None
         return self._batches[varied]
 
-    def _only(self, columns: tuple[int, ...]) -> Collocation:
-        if columns not in self._rest:
-            self._rest[columns] = Collocation(self._diagram, [self._requests[column] for column in columns])
-        return self._rest[columns]
+    def _scan(self, columns: tuple[int, ...]) -> FrequencyBatch:
+        """Return what scans some of the requests."""
+        if columns not in self._scans:
+            self._scans[columns] = FrequencyBatch(self._diagram, [self._requests[column] for column in columns])
+        return self._scans[columns]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shares:
-    """Who evaluates which columns where certain parameters vary; ``complete``: the compiled evaluators do it all."""
+    """Who evaluates which columns where certain parameters vary; ``complete``: the compiled evaluators do it all.
+
+    Of the kernels' columns some are ``timed`` and can be followed ``again``, the others are ``framed`` by frequencies.
+    """
 
     batch: Batch | None
     responses: Responses | None
+    again: Responses | None
     kernels: tuple[int, ...]
+    timed: tuple[int, ...]
+    framed: tuple[int, ...]
     own: tuple[int, ...]
     others: tuple[int, ...]
     complete: bool

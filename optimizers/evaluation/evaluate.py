@@ -181,7 +181,7 @@ class Evaluator:
             raw = screened.values.reshape(shape)
             values, slopes = raw[:, 0].real, np.swapaxes(raw.imag, 1, 2) / _STEP
             # A doubtful value still shows the way; what screening cannot measure at all is measured exactly. Where the kernels
-            # doubt, collocation is not asked whether it does: both look at the same frequencies, and may miss the same crossing.
+            # doubt, the scan over frequencies is not asked whether it does: both look at the same ones, and may miss the same crossing.
             doubtful = screened.doubtful.reshape(shape)[:, 0]
             if compiled is not None:
                 doubtful = doubtful | compiled.doubtful

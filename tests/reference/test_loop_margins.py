@@ -135,7 +135,7 @@ def test_a_loop_on_the_stability_limit_bears_nothing() -> None:
 
 @pytest.mark.parametrize("k", [1.2, 2.5, 4.0])
 def test_every_way_of_measuring_says_the_same(k: float) -> None:
-    # exactly, by the compiled kernels, by batched collocation with slopes, and by the second measurement
+    # exactly, by the compiled kernels, by a batched scan with slopes, and by the second measurement
     diagram = unity_loop(["=k", "=4*k", "=4*k"], [1e-6, 2e-3, 1, 0, 0, 0], k=2.0)
     exact = measure(diagram, REQUESTS, overrides={"k": k}, gradient=["k"])
     batch = Screening(diagram, REQUESTS)({"k": np.array([k + 1e-30j])})

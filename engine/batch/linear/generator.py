@@ -27,6 +27,9 @@ _TOLD: Final = 0.3
 _LOOKS: Final = 24
 _BEYOND: Final = 1e3
 _SMALL: Final = 0.9
+_STARTS: Final = 6
+_STEPS: Final = 12
+_CONVERGED: Final = 1e-10
 
 
 def _differentiation(points: int) -> tuple[Real, Real]:
@@ -62,7 +65,8 @@ def _quiet(a: Real, b2: Real, c2: Real, d22: Real, lowest: Real) -> Flags:
     omega = lowest[:, None] * (highest / lowest)[:, None] ** np.linspace(0.0, 1.0, _LOOKS)
     resolvent = 1j * omega[:, :, None, None] * np.eye(n) - a[:, None]
     passed = c2[:, None] @ np.linalg.solve(resolvent, np.broadcast_to(b2[:, None], (members, _LOOKS, *b2.shape[1:])))
-    size = np.abs(passed + d22[:, None]).sum(axis=3).max(axis=2)
+    # Whatever the delays' phases are, nothing comes around larger than by the spectral radius of the absolute values.
+    size = np.abs(np.linalg.eigvals(np.abs(passed + d22[:, None]))).max(axis=2)
     return np.asarray((size < _SMALL).all(axis=1))
 
 
@@ -77,7 +81,7 @@ def eigenvalues_of(a: Real, b2: Real, c2: Real, d22: Real, delays: Real) -> Arra
     """
     members, n, m = b2.shape
     found = np.full((members, n + m * _POINTS[-1]), np.nan + 0j)
-    left, lowest, told = np.arange(members), np.zeros(members), np.zeros(members, dtype=bool)
+    left = np.arange(members)
     for points in _POINTS:
         lowest = _TOLD * points / delays[left].max(axis=1)
         told = _quiet(a[left], b2[left], c2[left], d22[left], lowest)
@@ -89,10 +93,39 @@ def eigenvalues_of(a: Real, b2: Real, c2: Real, d22: Real, delays: Real) -> Arra
             found[those, values.shape[1] :] = rightmost  # again, so that all have as many
         left = left[~told]
     if left.size:
-        # Whatever the fast ones do: one that is told and unstable is enough.
+        # Whatever the others do: one root that is unstable is enough.
         values = np.linalg.eigvals(_matrix(a[left], b2[left], c2[left], d22[left], delays[left], _POINTS[-1]))
-        told = (np.abs(values) <= lowest[~told][:, None]) & (values.real > 0)
-        unstable = told.any(axis=1)
-        rightmost = np.where(told, values, -np.inf)[unstable]
-        found[left[unstable]] = np.take_along_axis(rightmost, rightmost.real.argmax(axis=1)[:, None], axis=1)
+        found[left] = _unstable_root(a[left], b2[left], c2[left], d22[left], delays[left], values)[:, None]
     return found
+
+
+def _unstable_root(a: Real, b2: Real, c2: Real, d22: Real, delays: Real, values: Array) -> Array:
+    """Return the characteristic root furthest to the right, (B,), that Newton's method finds from some eigenvalues; NaN where none is unstable.
+
+    Of det F(s), F = [[s - A, -B2], [-e^(-s τ) C2, 1 - e^(-s τ) D22]]:  s ← s - 1 / tr(F⁻¹ F').
+    """
+    (members, n, m), size = b2.shape, a.shape[1] + b2.shape[2]
+    order = np.argsort(np.where(values.real > 0, np.abs(values), np.inf), axis=1)[:, :_STARTS]  # the slowest are seen best
+    s = np.take_along_axis(values, order, axis=1)
+    whole = np.zeros((members, s.shape[1], size, size), dtype=complex)
+    slope = np.zeros_like(whole)
+    slope[:, :, :n, :n] = np.eye(n)
+    whole[:, :, :n, n:] = -b2[:, None]
+    step = np.full_like(s, np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            s = np.where(s.real > 0, s, 0.0)  # e^(-s τ) is of use on the right only
+            turn = np.exp(-s[:, :, None] * delays[:, None])[..., None]
+            whole[:, :, :n, :n] = s[:, :, None, None] * np.eye(n) - a[:, None]
+            whole[:, :, n:, :n], whole[:, :, n:, n:] = -turn * c2[:, None], np.eye(m) - turn * d22[:, None]
+            slope[:, :, n:, :n] = delays[:, None, :, None] * turn * c2[:, None]
+            slope[:, :, n:, n:] = delays[:, None, :, None] * turn * d22[:, None]
+            try:
+                step = 1.0 / np.trace(np.linalg.solve(whole, slope), axis1=2, axis2=3)
+            except np.linalg.LinAlgError:
+                return np.full(members, np.nan + 0j)
+            s = s - step
+    there = (np.abs(step) <= _CONVERGED * np.abs(s)) & (s.real > _CONVERGED * np.abs(s))
+    rightmost = np.where(there, s, -np.inf)
+    chosen = np.take_along_axis(rightmost, rightmost.real.argmax(axis=1)[:, None], axis=1)[:, 0]
+    return np.where(there.any(axis=1), chosen, np.nan)

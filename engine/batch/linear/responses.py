@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.collocation.screening import Screened
 from engine.batch.linear import poles, readings
 from engine.batch.linear.commands import Command, NotCoveredError
 from engine.batch.linear.evaluate import Delayed, Watched, evaluate
@@ -25,6 +24,7 @@ from engine.batch.linear.response_requests import (
     plan_of,
     within,
 )
+from engine.batch.screened import Screened
 from engine.model.errors import EngineError, UnresolvedError
 
 if TYPE_CHECKING:

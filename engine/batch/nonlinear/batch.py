@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.analysis.evaluation import Evaluation
-from engine.batch.collocation.screening import Screened
 from engine.batch.nonlinear.curves import Curves, middle_of
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.look import Look, coarse, floor
@@ -27,6 +26,7 @@ from engine.batch.nonlinear.march import Marched, Marcher, Pieces, by_input
 from engine.batch.nonlinear.program import Compiled
 from engine.batch.nonlinear.readings import INTEGRALS, METRICS, read
 from engine.batch.nonlinear.rest import Rest, moving, reaching
+from engine.batch.screened import Screened
 from engine.model.traced import UnsuitableError
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from engine.analysis.study import MetricRequest, measure
-from engine.batch.collocation.march import NODES, Mesh
-from engine.batch.collocation.screening import Screening
-from engine.batch.collocation.time import METRICS
+from engine.batch.frequency.batch import FrequencyBatch
+from engine.batch.kernels.readings import TIME_READINGS
+from engine.batch.screening import Screening
 from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.model.metric_options import Options
 from engine.signals import make
@@ -77,22 +77,15 @@ def time_requests(*metrics: str, output: str = "y") -> list[MetricRequest]:
     ]
 
 
-def test_the_radau_points_are_those_of_radau_iia() -> None:
-    # Roots of P_8 - P_7 on (0, 1]; c_1 and c_8 of the 8-stage Radau IIA method.
-    assert NODES[0] == pytest.approx(0.0224793864387125, abs=1e-14)
-    assert NODES[-1] == 1.0
-
-
-def test_a_graded_mesh_fills_the_interval() -> None:
-    mesh = Mesh.graded(3, split=2)
-    assert mesh.starts[0] == 0.0
-    assert np.allclose(mesh.starts + mesh.lengths, np.append(mesh.starts[1:], 1.0), atol=1e-15)
-
-
 @pytest.mark.parametrize("delay", [None, 0.004])
 def test_every_metric_agrees_with_the_exact_path(delay) -> None:
     diagram = lag_loop(delay=delay)
-    metrics = [m for m in METRICS if m not in {"peak_time", "max_velocity", "max_acceleration", "control_effort"}]
+    metrics = [
+        *TIME_READINGS.keys() - {"peak_time", "max_velocity", "max_acceleration", "control_effort"},
+        "iae",
+        "ise",
+        "itae",
+    ]
     requests = [
         *time_requests(*metrics),
         *time_requests("max_velocity", output="v"),
@@ -193,26 +186,30 @@ def test_the_edge_of_stability_is_found() -> None:
     assert screened.growth[0] < 0 < screened.growth[1]
 
 
-def test_what_cannot_be_measured_is_said_in_advance() -> None:
-    diagram = lag_loop()
-    sine = {"u": make("sine", {"frequency": 10.0})}
+def test_what_a_frequency_response_does_not_tell_is_said_in_advance() -> None:
     requests = [
+        MetricRequest(metric="phase_margin", open_at="error"),
         MetricRequest(metric="rise_time", signals=STEP, output="y"),
-        MetricRequest(metric="peak", signals=sine, output="y"),
-        MetricRequest(metric="iae", signals=STEP, output="y", duration=0.1),
         MetricRequest(metric="damping_ratio"),
     ]
-    screening = Screening(diagram, requests)
-    assert screening.measurable == (True, False, False, False)
-    screened = screening({"kp": np.array([1.5])})
-    assert screened.doubtful[0].tolist() == [False, True, True, True]
+    scan = FrequencyBatch(lag_loop(), requests)
+    assert scan.measured == (True, False, False)
+    assert scan({"kp": np.array([1.5])}).doubtful[0].tolist() == [False, True, True]
 
 
-def test_delays_of_different_length_are_left_to_the_exact_path() -> None:
-    screened = Screening(lag_loop(second=0.001), time_requests("rise_time"))({"kp": np.array([1.5])})
-    assert screened.doubtful.all()
-    assert np.isnan(screened.values).all()
-    assert np.isnan(screened.growth).all()
+def test_what_is_not_followed_is_left_to_the_exact_path() -> None:
+    requests = [*time_requests("rise_time"), MetricRequest(metric="damping_ratio")]
+    screened = Screening(lag_loop(), requests)({"kp": np.array([1.5])})
+    assert screened.doubtful[0].tolist() == [False, True]
+    assert np.isnan(screened.values[0, 1])
+
+
+def test_delays_of_different_length_are_followed() -> None:
+    diagram, requests = lag_loop(second=0.001), time_requests("rise_time", "overshoot", "iae")
+    screened = Screening(diagram, requests)({"kp": np.array([1.5])})
+    exact = measure(diagram, requests, overrides={"kp": 1.5})
+    assert not screened.doubtful.any()
+    assert screened.values[0] == pytest.approx([measured.value for measured, _ in exact], rel=1e-9)
 
 
 def test_a_member_that_does_not_exist_is_invalid() -> None:

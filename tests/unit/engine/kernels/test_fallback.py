@@ -1,4 +1,4 @@
-"""What the kernels do not cover is screened by collocation or said to be doubtful, and never wrong."""
+"""What the kernels do not cover is followed by pieces, scanned over frequencies or said to be doubtful, and never wrong."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_loop_with_a_delay_is_followed_by_pieces() -> None:
         assert screened.values[row] == pytest.approx([measured.value for measured, _ in exact], rel=1e-10)
 
 
-def test_infinitesimals_are_carried_by_collocation() -> None:
+def test_infinitesimals_are_carried_by_pieces() -> None:
     diagram, candidates = loop(), {"k": 2.0 * np.ones(2) * (1 + 1e-30j)}
     screened = Screening(diagram, TIMED)(candidates)
     ((_, gradient), _) = measure(diagram, TIMED, gradient=["k"])

@@ -11,8 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from engine.batch.collocation.scan import Path, Scan
-from engine.batch.collocation.time import Readings
+from engine.batch.frequency.scan import Path, Readings, Scan
 from engine.model.linear_system import Array
 
 SMALLEST_LOOP_GAIN = 1e-9

@@ -38,6 +38,14 @@ class Path:
         return int(self.a.shape[0])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """A metric of many systems: ``value`` (B,) with infinitesimals, NaN where there is none; ``doubtful`` (B,)."""
+
+    value: Array
+    doubtful: Array
+
+
 class Scan:
     """The response of a path, real parts only, wherever it is asked for.
 
