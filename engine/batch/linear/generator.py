@@ -81,7 +81,7 @@ def eigenvalues_of(a: Real, b2: Real, c2: Real, d22: Real, delays: Real) -> Arra
     """
     members, n, m = b2.shape
     found = np.full((members, n + m * _POINTS[-1]), np.nan + 0j)
-    left = np.arange(members)
+    left, lowest = np.arange(members), np.zeros(members)
     for points in _POINTS:
         lowest = _TOLD * points / delays[left].max(axis=1)
         told = _quiet(a[left], b2[left], c2[left], d22[left], lowest)
@@ -91,11 +91,17 @@ def eigenvalues_of(a: Real, b2: Real, c2: Real, d22: Real, delays: Real) -> Arra
             rightmost = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)
             found[those, : values.shape[1]] = values
             found[those, values.shape[1] :] = rightmost  # again, so that all have as many
-        left = left[~told]
+        left, lowest = left[~told], lowest[~told]
     if left.size:
-        # Whatever the others do: one root that is unstable is enough.
+        # Whatever the fast ones do: one that is unstable is enough, be it seen as it is or only enough to begin at.
         values = np.linalg.eigvals(_matrix(a[left], b2[left], c2[left], d22[left], delays[left], _POINTS[-1]))
-        found[left] = _unstable_root(a[left], b2[left], c2[left], d22[left], delays[left], values)[:, None]
+        told = np.where((np.abs(values) <= lowest[:, None]) & (values.real > 0), values, -np.inf)
+        root = np.take_along_axis(told, told.real.argmax(axis=1)[:, None], axis=1)[:, 0]
+        unseen = np.flatnonzero(np.isinf(root.real))
+        if unseen.size:
+            these = left[unseen]
+            root[unseen] = _unstable_root(a[these], b2[these], c2[these], d22[these], delays[these], values[unseen])
+        found[left] = root[:, None]
     return found
 
 
@@ -105,7 +111,9 @@ def _unstable_root(a: Real, b2: Real, c2: Real, d22: Real, delays: Real, values:
     Of det F(s), F = [[s - A, -B2], [-e^(-s τ) C2, 1 - e^(-s τ) D22]]:  s ← s - 1 / tr(F⁻¹ F').
     """
     (members, n, m), size = b2.shape, a.shape[1] + b2.shape[2]
-    order = np.argsort(np.where(values.real > 0, np.abs(values), np.inf), axis=1)[:, :_STARTS]  # the slowest are seen best
+    order = np.argsort(np.where(values.real > 0, np.abs(values), np.inf), axis=1)[
+        :, :_STARTS
+    ]  # the slowest are seen best
     s = np.take_along_axis(values, order, axis=1)
     whole = np.zeros((members, s.shape[1], size, size), dtype=complex)
     slope = np.zeros_like(whole)
