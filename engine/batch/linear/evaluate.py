@@ -1,4 +1,4 @@
-"""From the matrices of candidates to metrics of one response: balance, equations with their command, pieces, readings."""
+"""From the matrices of candidates to metrics of their responses to one command: balance, equations with the command, pieces, readings."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Drive(NamedTuple):
 class Delayed(NamedTuple):
     """What goes into delay channels and comes out, of each candidate.
 
-    ``b2`` (B, n, m), ``c2`` (B, m, n), ``d12`` (B, m) to the output, ``d21`` (B, m, inputs), ``d22`` (B, m, m) and ``delays`` (B, m), s.
+    ``b2`` (B, n, m), ``c2`` (B, m, n), ``d12`` (B, O, m) to the outputs, ``d21`` (B, m, inputs), ``d22`` (B, m, m) and ``delays`` (B, m), s.
     """
 
     b2: Series
@@ -57,8 +57,12 @@ class Delayed(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """``kinds`` (R,): 1 the output, -1 reference minus output; ``orders`` (R,) derivatives; ``reference`` (inputs,); ``errors`` (R,) flags."""
+    """``outputs`` (R,): which; ``kinds`` (R,): 1 as it is, -1 reference minus output; ``orders`` (R,) derivatives; ``errors`` (R,) flags.
 
+    ``reference`` (R, inputs) is added to those flagged.
+    """
+
+    outputs: Whole
     kinds: Real
     orders: Whole
     reference: Real
@@ -70,7 +74,7 @@ def _assemble(
     a: Series, b: Series, c: Series, d: Series, delayed: Delayed, candidate: int, drive: Drive, watched: Watched,
     channels: Channels, m: Series, rows: Series,
 ) -> None:  # fmt: skip
-    """Write M, and the rows that are watched: of the output, then of what goes into channels."""
+    """Write M, and the rows that are watched: of outputs, then of what goes into channels."""
     n, size, inputs = a.shape[0], m.shape[0], b.shape[1]
     for i in range(n):
         for j in range(n):
@@ -89,7 +93,7 @@ def _assemble(
         for i in range(n):
             channels.drive[i, j] = delayed.b2[candidate, i, j]
         for r in range(count):
-            channels.through[r, j] = watched.kinds[r] * delayed.d12[candidate, j]
+            channels.through[r, j] = watched.kinds[r] * delayed.d12[candidate, watched.outputs[r], j]
         for k in range(own):
             channels.through[count + k, j] = delayed.d22[candidate, k, j]
         for i in range(n):
@@ -100,14 +104,15 @@ def _assemble(
                 total = total + delayed.d21[candidate, j, k] * drive.drive[k, i - n]
             rows[count + j, i] = total
     for r in range(count):
+        output = watched.outputs[r]
         for j in range(n):
-            rows[r, j] = watched.kinds[r] * c[j]
+            rows[r, j] = watched.kinds[r] * c[output, j]
         for j in range(n, size):
             total = 0.0 * a[0, 0]
             for k in range(inputs):
-                share = watched.kinds[r] * d[k]
+                share = watched.kinds[r] * d[output, k]
                 if watched.errors[r]:
-                    share = share + watched.reference[k]
+                    share = share + watched.reference[r, k]
                 total = total + share * drive.drive[k, j - n]
             rows[r, j] = total
 
@@ -253,7 +258,7 @@ def evaluate(
 
     Parameters
     ----------
-    a, b, c, d : ndarray, shapes (B, n, n), (B, n, inputs), (B, n), (B, inputs)
+    a, b, c, d : ndarray, shapes (B, n, n), (B, n, inputs), (B, O, n), (B, O, inputs)
         Overwritten.
     ends : ndarray, shape (B,)
         Where to stop, s; infinite: at rest. NaN for what is not followed.
@@ -300,7 +305,6 @@ def evaluate(
             x0[i] = 0.0 * flow[0, 0]
         for k in range(plan.impulses.shape[0]):
             if plan.impulses[k] != 0.0:
-                through = through or d[candidate, k] != 0.0
                 for j in range(own):
                     through = through or delayed.d21[candidate, j, k] != 0.0
                 for i in range(n):
@@ -309,6 +313,9 @@ def evaluate(
             continue
         for r in range(count):
             rest.open[r], rest.y[r], rest.error[r] = 0, 0.0 * flow[0, 0], 0.0 * flow[0, 0] + math.nan
+            for k in range(plan.impulses.shape[0] if r < seen else 0):
+                if plan.impulses[k] != 0.0 and d[candidate, watched.outputs[r], k] != 0.0:
+                    rest.open[r] = -1
             for _ in range(watched.orders[r] if r < seen else 0):
                 found = _differentiate(m, rows[r], channels.through[r], n, x0, drive, channels, right)
                 if rest.open[r] != 1 and found != 0:

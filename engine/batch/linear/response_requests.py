@@ -1,7 +1,8 @@
-"""The requests of one output's response to one command, and what the march and the readings need of them."""
+"""The requests of the responses to one command, and what the march and the readings need of them."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -23,14 +24,31 @@ _PERIODS: Final = 3.0
 
 @dataclass(kw_only=True, eq=False)
 class ResponseRequests:
-    """The requests of one output's response to one command: ``columns`` of the results."""
+    """The requests of the responses to one command: ``columns`` of the results, with the number of the output of each."""
 
     inputs: list[int]
-    output: int
     signals: list[Any]
     columns: list[int] = field(default_factory=list)
     requests: list[MetricRequest] = field(default_factory=list)
     orders: list[int] = field(default_factory=list)
+    outputs: list[int] = field(default_factory=list)
+
+    def add(self, column: int, request: MetricRequest, order: int, output: int) -> None:
+        """Add the derivative of some order of an output."""
+        self.columns.append(column)
+        self.requests.append(request)
+        self.orders.append(order)
+        self.outputs.append(output)
+
+    def of(self, outputs: Collection[int]) -> ResponseRequests:
+        """Return the requests of some of the outputs."""
+        if len(outputs) == len(set(self.outputs)):
+            return self
+        part = ResponseRequests(inputs=self.inputs, signals=self.signals)
+        for own in zip(self.columns, self.requests, self.orders, self.outputs, strict=True):
+            if own[3] in outputs:
+                part.add(*own)
+        return part
 
     @property
     def marks(self) -> list[float]:

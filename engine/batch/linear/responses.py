@@ -106,13 +106,11 @@ class Responses:
             return
         if request.metric in _HELD and not lines_of(request):
             return
-        key = (tuple((name, id(signal)) for name, signal in request.signals.items()), output)
+        key = tuple((name, id(signal)) for name, signal in request.signals.items())
         response = self._responses.get(key)
         if response is None:
             response = ResponseRequests(
-                inputs=[diagram.inputs.index(name) for name in request.signals],
-                output=diagram.outputs.index(output),
-                signals=list(request.signals.values()),
+                inputs=[diagram.inputs.index(name) for name in request.signals], signals=list(request.signals.values())
             )
             try:
                 response.command(1.0)
@@ -120,9 +118,7 @@ class Responses:
                 return
         if request.metric in _HELD and response.endless:
             return
-        response.columns.append(column)
-        response.requests.append(request)
-        response.orders.append(order)
+        response.add(column, request, order, diagram.outputs.index(output))
         self._responses[key] = response
 
     def __call__(self, overrides: Mapping[str, Array]) -> Screened:
@@ -155,40 +151,37 @@ class Responses:
         return growth
 
     def _response(self, response: ResponseRequests, stack: StackedSystem, here: Array, found: Screened) -> Array:
-        """Enter the metrics of one response, and return the growth of what lies between its command and its output."""
-        growth = np.full(len(stack.valid), np.nan)
+        """Enter the metrics of the responses to one command, and return the growth of what lies between it and its outputs."""
+        growth = np.full((2, len(stack.valid)), -np.inf)
         if not here.size:
-            return growth
-        n, inputs, output = stack.a.shape[1], response.inputs, response.output
+            return np.full(len(stack.valid), np.nan)
+        n, inputs, outputs = stack.a.shape[1], response.inputs, sorted(set(response.outputs))
         flow = np.concatenate([_beside(stack.a, stack.b2), _beside(stack.c2, stack.d22)], axis=1)[here]
         driven = np.concatenate([stack.b1, stack.d21], axis=1)[here][:, :, inputs]
-        seen = np.concatenate([stack.c1, stack.d12], axis=2)[here, output]
-        through = stack.d11[here, output][:, inputs]
-        for rows, kept in _alike(flow, driven, seen):
+        seen = np.concatenate([stack.c1, stack.d12], axis=2)[here][:, outputs]
+        through = stack.d11[here][:, outputs][:, :, inputs]
+        delays = stack.delays[here]
+        for rows, kept, lanes in _alike(flow, driven, seen):
             states, lines = kept[kept < n], kept[kept >= n]
             if not len(states):
+                growth[0, here[rows]] = np.nan
                 continue
-            part = flow[rows][:, kept][:, :, kept]
-            count = len(states)
-            delays = stack.delays[here[rows]][:, lines - n]
-            if len(lines):
-                values = eigenvalues_of(
-                    part[:, :count, :count].real, part[:, :count, count:].real, part[:, count:, :count].real,
-                    part[:, count:, count:].real, delays.real,
-                )  # fmt: skip
-            else:
-                values = np.linalg.eigvals(part.real)
+            part = response.of([outputs[lane] for lane in lanes])
+            those, late = flow[rows][:, kept][:, :, kept], delays[rows][:, lines - n]
+            values = _roots(those.real, len(states), late.real)
             own = poles.growth_of(values)
-            growth[here[rows]] = own
-            found.doubtful[np.ix_(here[rows][own >= 0], np.array(response.columns))] = False
+            growth[0, here[rows]] = np.maximum(growth[0, here[rows]], own)
+            growth[1, here[rows]] = np.fmax(growth[1, here[rows]], own)
+            found.doubtful[np.ix_(here[rows][own >= 0], np.array(part.columns))] = False
             stable = np.flatnonzero(own < 0)
             if stable.size:
                 these = rows[stable]
                 self._follow(
-                    response, part[stable], count, driven[these][:, kept], seen[these][:, kept], through[these],
-                    delays[stable], values[stable], found, here[these],
+                    part, those[stable], len(states), driven[these][:, kept], seen[these][:, lanes][:, :, kept],
+                    through[these][:, lanes], late[stable], values[stable], found, here[these],
                 )  # fmt: skip
-        return growth
+        # What is unstable is so whatever is not known of others.
+        return np.asarray(np.where(growth[1] >= 0, growth[1], growth[0]))
 
     def _follow(
         self, response: ResponseRequests, flow: Array, n: int, driven: Array, seen: Array, through: Array, delays: Array,
@@ -211,7 +204,7 @@ class Responses:
         arrays = [
             np.array(part, dtype=kind, order="C")
             for part in (
-                flow[:, :n, :n], driven[:, :n], seen[:, :n], through, flow[:, :n, n:], flow[:, n:, :n], seen[:, n:],
+                flow[:, :n, :n], driven[:, :n], seen[:, :, :n], through, flow[:, :n, n:], flow[:, n:, :n], seen[:, :, n:],
                 driven[:, n:], flow[:, n:, n:], delays,
             )
         ]  # fmt: skip
@@ -240,17 +233,15 @@ class Responses:
 
     def _wanted(self, response: ResponseRequests, command: Command) -> tuple[Watched, Wanted]:
         """Return what is watched and what is read off it."""
-        references, output = self._diagram.references, self._diagram.outputs[response.output]
-        names = [self._diagram.inputs[number] for number in response.inputs]
-        named = references.input_of(names, output)
-        reference = np.array([float(name == named) for name in names])
-        own_error = output in references.errors
-        rows: dict[tuple[bool, int], int] = {}
+        references, names = self._diagram.references, [self._diagram.inputs[number] for number in response.inputs]
+        outputs = sorted(set(response.outputs))
+        rows: dict[tuple[int, bool, int], int] = {}
         codes, row, first, stop, lines = [], [], [], [], []
         numbers = np.zeros((len(response.requests), 2))
         last = int(np.searchsorted(command.times, command.last))
-        for k, (request, order) in enumerate(zip(response.requests, response.orders, strict=True)):
-            key = (request.metric in _ERRORS, order)
+        asked = zip(response.requests, response.orders, response.outputs, strict=True)
+        for k, (request, order, output) in enumerate(asked):
+            key = (outputs.index(output), request.metric in _ERRORS, order)
             row.append(rows.setdefault(key, len(rows)))
             codes.append(_CODES[request.metric])
             until = request.duration if within(request) else None
@@ -258,10 +249,17 @@ class Responses:
             first.append(last if request.metric == "residual_vibration" else 0)
             numbers[k, 0] = number_of(request)
             lines += lines_within(k, request, command)
-        kinds = [(1.0 if own_error else -1.0) if error else 1.0 for error, _ in rows]
+        watched_names = [self._diagram.outputs[outputs[lane]] for lane, _, _ in rows]
+        named = [references.input_of(names, name) for name in watched_names]
         watched = Watched(
-            kinds=np.array(kinds), orders=np.array([order for _, order in rows], np.int64), reference=reference,
-            errors=np.array([error for error, _ in rows], np.int64),
+            outputs=np.array([lane for lane, _, _ in rows], np.int64),
+            kinds=np.array(
+                [-1.0 if error and name not in references.errors else 1.0
+                 for (_, error, _), name in zip(rows, watched_names, strict=True)]
+            ),
+            orders=np.array([order for _, _, order in rows], np.int64),
+            reference=np.array([[float(name == own) for name in names] for own in named]),
+            errors=np.array([error for _, error, _ in rows], np.int64),
         )  # fmt: skip
         wanted = Wanted(
             codes=np.array(codes, np.int64), row=np.array(row, np.int64), first=np.array(first, np.int64),
@@ -282,17 +280,29 @@ def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:
     return 0 < stack.a.shape[1] <= _MOST_STATES and channels <= _MOST_CHANNELS, channels > 0
 
 
-def _alike(a: Array, b: Array, c: Array) -> list[tuple[Array, Array]]:
-    """Return (members, states between command and output) for each pattern of what acts on what."""
-    count = len(a)
-    pattern = np.concatenate([(part != 0).reshape(count, -1) for part in (a, b, c)], axis=1)
-    if (pattern == pattern[0]).all():
-        return [(np.arange(count), _between(a[0] != 0, (b[0] != 0).any(axis=1), c[0] != 0))]
-    _, first, which = np.unique(pattern, axis=0, return_index=True, return_inverse=True)
-    return [
-        (np.flatnonzero(which.ravel() == k), _between(a[at] != 0, (b[at] != 0).any(axis=1), c[at] != 0))
-        for k, at in enumerate(first)
-    ]
+def _roots(flow: Array, n: int, delays: Array) -> Array:
+    """Return the rightmost characteristic roots (B, N); the first n rows and columns are states, the others delay channels."""
+    if not delays.shape[1]:
+        return np.asarray(np.linalg.eigvals(flow))
+    return eigenvalues_of(flow[:, :n, :n], flow[:, :n, n:], flow[:, n:, :n], flow[:, n:, n:], delays)
+
+
+def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, list[int]]]:
+    """Return (members, states, outputs) for each pattern of what acts on what: outputs with the same states between them and the command."""
+    count = len(flow)
+    pattern = np.concatenate([(part != 0).reshape(count, -1) for part in (flow, driven, seen)], axis=1)
+    first, which = np.zeros(1, dtype=int), np.zeros(count, dtype=int)
+    if not (pattern == pattern[0]).all():
+        _, first, which = np.unique(pattern, axis=0, return_index=True, return_inverse=True)
+    found = []
+    for k, at in enumerate(first):
+        acts, reached = flow[at] != 0, (driven[at] != 0).any(axis=1)
+        groups: dict[bytes, tuple[Array, list[int]]] = {}
+        for output, own in enumerate(seen[at] != 0):
+            kept = _between(acts, reached, own)
+            groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
+        found += [(np.flatnonzero(which.ravel() == k), *group) for group in groups.values()]
+    return found
 
 
 def _beside(one: Array, other: Array) -> Array:

@@ -42,7 +42,8 @@ def balance(a: Series, b: Series, c: Series, b2: Series, c2: Series) -> None:
                     a[i, j] /= factor
                 for j in range(b.shape[1]):
                     b[i, j] /= factor
-                c[i] *= factor
+                for j in range(c.shape[0]):
+                    c[j, i] *= factor
                 for j in range(b2.shape[1]):
                     b2[i, j] /= factor
                     c2[j, i] *= factor
