@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from engine.exact.time.chebyshev import NODES, differentiation_matrix
-from engine.exact.time.trajectory import Trajectory, respond
+from engine.exact.time.run import Trajectory
+from engine.exact.time.trajectory import respond
 from engine.model.errors import SignalError
 from engine.model.tangent import INFINITESIMAL
 from engine.signals import Signal

@@ -20,8 +20,9 @@ from engine.exact.frequency.response import FrequencyResponse
 from engine.exact.nonlinear import response as nonlinear
 from engine.exact.time.curve import Curve
 from engine.exact.time.horizon import followed
+from engine.exact.time.run import Trajectory
 from engine.exact.time.settling_tail import fading
-from engine.exact.time.trajectory import Trajectory, respond
+from engine.exact.time.trajectory import respond
 from engine.metrics._base import Absent, LoopSubject, PathSubject, SystemSubject, TimeSubject
 from engine.metrics._window import still_to_go
 from engine.model.linear_system import LaneSystem

@@ -15,7 +15,7 @@ from engine.exact.time.trajectory import respond
 from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
-    from engine.exact.time.trajectory import Trajectory
+    from engine.exact.time.run import Trajectory
     from engine.model.linear_system import Array, LaneSystem
     from engine.signals import Signal
 

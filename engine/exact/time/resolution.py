@@ -28,8 +28,8 @@ class Resolution:
     def __init__(self, s: LaneSystem) -> None:
         self._rows = np.abs(np.concatenate([s.c1[0], s.c2[0]]))
         self._largest: Array = np.zeros(s.n_out + s.m)
-        self._largest_state: Array = np.zeros(s.n)
-        self._seen: tuple[Array, Array] = self._largest[None], self._largest_state[None]
+        self.largest_state: Array = np.zeros(s.n)
+        self._seen: tuple[Array, Array] = self._largest[None], self.largest_state[None]
 
     def judge(
         self, x: Array, y: Array, z: Array, terms: Callable[[], Array], *, states: bool
@@ -49,7 +49,7 @@ class Resolution:
         signals = np.concatenate([y[:, 0].real, z[:, 0].real], axis=-1)  # (segments, N + 1, signals)
         x = x[:, 0].real
         largest = np.maximum(self._largest, np.maximum.accumulate(np.abs(signals).max(axis=1, initial=0.0)))
-        largest_state = np.maximum(self._largest_state, np.maximum.accumulate(np.abs(x).max(axis=1, initial=0.0)))
+        largest_state = np.maximum(self.largest_state, np.maximum.accumulate(np.abs(x).max(axis=1, initial=0.0)))
         self._seen = largest, largest_state
         floor = _ROUNDING * (largest_state @ self._rows.T)
         scale = np.maximum(largest, floor / RESOLUTION)
@@ -73,4 +73,4 @@ class Resolution:
 
     def accept(self, count: int) -> None:
         """Remember the largest values of the first ``count`` segments judged last."""
-        self._largest, self._largest_state = self._seen[0][count - 1], self._seen[1][count - 1]
+        self._largest, self.largest_state = self._seen[0][count - 1], self._seen[1][count - 1]

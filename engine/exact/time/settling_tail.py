@@ -21,7 +21,7 @@ from engine.exact.time.origin import Origin
 from engine.exact.time.trajectory import respond
 
 if TYPE_CHECKING:
-    from engine.exact.time.trajectory import Trajectory
+    from engine.exact.time.run import Trajectory
     from engine.model.linear_system import Array, LaneSystem
     from engine.signals import Signal
 

@@ -6,32 +6,30 @@ A first pass on the real parts places the segments: their ends fall on every ins
 command, and its echoes through the delays), and a segment is halved until a polynomial of degree 16 holds outputs,
 delayed signals and (with delays) states to 1e-13. Where the echoes have become smooth a segment may be longer than a
 delay; it is then solved together with what returns to itself. Without delays a command that is constant or linear is
-followed over many equal segments at once, and so is what goes on when any command has ended. The lanes then replay the
-same segments; an end that moves with a delay carries that delay's infinitesimal, so derivatives with respect to delays
-are exact too.
+followed over many equal segments at once, and so is what goes on when any command has ended. With delays what goes on then
+is counted from where it will rest, once it is near: solving for a long segment leaves rounding of all that is counted, and what
+is left of a transient has no room for it. The lanes then replay the same segments; an end that moves with a delay carries
+that delay's infinitesimal, so derivatives with respect to delays are exact too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from engine.exact.time.breaking import gaps
-from engine.exact.time.chebyshev import DEGREE, NODES, differentiation_matrix, interior, weights
-from engine.exact.time.curve import Curve
-from engine.exact.time.propagate import Collocation, DelayedCollocation, Exponential, Propagator, stride
 from engine.exact.time.resolution import Resolution
+from engine.exact.time.run import Propagators, Run, Segment, Trajectory
 from engine.exact.time.struck import struck
 from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
     from engine.exact.time.origin import Origin
-    from engine.model.linear_system import Array, LaneSystem
+    from engine.model.linear_system import LaneSystem
     from engine.signals import Signal
 
 MAX_SEGMENTS = 1_000_000
@@ -40,64 +38,13 @@ MAX_STEPS = 30_000
 
 MOST_AT_ONCE = 8192
 
-_FEW_PIECES = 4
-"""So few pieces one delay ago hold nothing that the nodes of the segment that hears them could all lie beside."""
-_OVERLOOKED = 5e-11
-"""Of the largest value so far: what may be heard between the nodes."""
-
-Propagators: TypeAlias = dict[tuple[tuple[float, ...], int, bool], Propagator]
-"""Propagators by the key of their segments, and whether commands are straight there."""
-
-
-@dataclass(frozen=True)
-class _Segment:
-    """Equal segments of the plan, one after the other: start and width of one as combinations of 1 and the delays."""
-
-    start: npt.NDArray[np.float64]
-    width: npt.NDArray[np.float64]
-    key: tuple[tuple[float, ...], int]
-    count: int = 1
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Nodes:
-    """States, inputs, delayed signals, outputs and signals to be delayed on the nodes, shapes (segments, lanes, N + 1, ·)."""
-
-    x: Array
-    u: Array
-    w: Array
-    y: Array
-    z: Array
-
-
-@dataclass(kw_only=True, eq=False)
-class Trajectory:
-    """Inputs and outputs on the pieces of one response.
-
-    Shapes: ``edges`` (pieces + 1, lanes); ``u`` (pieces, N + 1, lanes, inputs), ``y`` (pieces, N + 1, lanes, outputs).
-    """
-
-    edges: Array
-    u: Array
-    y: Array
-    plan: list[_Segment] = field(repr=False)
-    propagators: Propagators = field(repr=False, default_factory=dict)
-
-    def output(self, index: int) -> Curve:
-        """Return output ``index`` as a curve."""
-        return Curve(edges=self.edges, values=self.y[..., index])
-
-    def input(self, index: int) -> Curve:
-        """Return input ``index`` as a curve."""
-        return Curve(edges=self.edges, values=self.u[..., index])
-
 
 def respond(
     system: LaneSystem,
     signals: Sequence[Signal],
     horizon: float,
     *,
-    plan: list[_Segment] | None = None,
+    plan: list[Segment] | None = None,
     propagators: Propagators | None = None,
     origin: Origin | None = None,
 ) -> Trajectory:
@@ -131,235 +78,19 @@ def respond(
         if system.dtype is np.float64 and system.lanes == 1:
             return placed
         plan = placed.plan
-    run = _Run(system, signals, sum(segment.count for segment in plan), origin)
+    run = Run(system, signals, sum(segment.count for segment in plan), origin)
     run.propagators = {} if propagators is None else propagators
     return run.replay(plan)
 
 
-class _Run:
-    """The growing response: arrays of pieces, and the propagators met so far."""
-
-    def __init__(self, system: LaneSystem, signals: Sequence[Signal], pieces: int, origin: Origin | None) -> None:
-        self.s = system
-        self.signals = signals
-        self.lanes = system.lanes
-        self.count = 0
-        self._b = np.concatenate([system.b1, system.b2], axis=-1)
-        self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
-        self.propagators: Propagators = {}
-        self._reach: dict[Propagator, Array] = {}
-        self._dtype = system.dtype
-        self._loudest = np.zeros(system.m)
-        self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
-        self.edges: Array = np.zeros((1, self.lanes))
-        self.u, self.y, self.z = (
-            np.zeros((0, DEGREE + 1, self.lanes, size)) for size in (system.n_in, system.n_out, system.m)
-        )
-        self._allocate(max(pieces, 64))
-        degrees = [signal.degree() for signal in signals]
-        self._steps = all(d == 0 for d in degrees)
-        self._linear = all(d is not None and d <= 1 for d in degrees)
-        ends = [signal.end() for signal in signals]
-        self._rest = max((end for end in ends if end is not None), default=0.0) if None not in ends else np.inf
-        self.size = float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0
-        self._origin = origin
-        self.state: Array = np.array(system.x0 if origin is None else system.x0 - origin.x, dtype=self._dtype)
-
-    def _allocate(self, pieces: int) -> None:
-        """Make room for so many pieces, keeping those there are."""
-        shape, k = (pieces, DEGREE + 1, self.lanes), self.count
-        s = self.s
-        self.u, self.y, self.z = (
-            _grown(old[:k], (*shape, size), self._dtype)
-            for old, size in ((self.u, s.n_in), (self.y, s.n_out), (self.z, s.m))
-        )
-        self.edges = _grown(self.edges[: k + 1], (pieces + 1, self.lanes), self._dtype)
-
-    def strides(self, start: float) -> bool:
-        """Return whether many equal segments are computed at once: no delays, and commands that are straight from here on."""
-        return not self.s.m and (self._linear or start >= self._rest * (1 - 1e-12))
-
-    def propagator(self, segment: _Segment) -> Propagator:
-        start, width = self._basis @ segment.start, self._basis @ segment.width
-        gap, level = segment.key
-        straight = self.strides(float(start[0].real))
-        found = self.propagators.get((gap, level, straight))
-        if found is None:
-            half = self.propagators.get((gap, level + 1, straight))
-            if isinstance(half, Exponential):
-                found = half.doubled()
-            elif straight:
-                found = Exponential.of(self.s.a, self.s.b1, width)
-            elif self.s.m and float(width[0].real) > self._shortest * (1 + 1e-9):
-                found = DelayedCollocation(self.s, width)
-            else:
-                found = Collocation(self.s.a, self._b, width)
-            self.propagators[gap, level, straight] = found
-        return found
-
-    def step(self, segment: _Segment) -> _Nodes:
-        """Return what is seen on the nodes of the segments of ``segment``, from the current state."""
-        s = self.s
-        start, width = self._basis @ segment.start, self._basis @ segment.width
-        u = self._inputs(start, width)
-        propagator = self.propagator(segment)
-        if segment.count == 1:
-            x, w = propagator.solve(self.state, u, self._delayed(start, width))
-            u, x, w = u[None], x[None], w[None]
-        else:
-            assert isinstance(propagator, Exponential)  # what serves commands that are straight and no delays
-            change = u[:, -1] - u[:, 0]
-            x = stride(propagator.maps, np.concatenate([self.state, u[:, 0], change], axis=-1), segment.count)
-            u = u + np.arange(segment.count)[:, None, None, None] * change[:, None]
-            w = np.zeros((segment.count, self.lanes, DEGREE + 1, 0))
-        y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
-        z = x @ s.c2.swapaxes(-1, -2) + u @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
-        return _Nodes(x=x, u=u, w=w, y=y, z=z)
-
-    def terms(self, segment: _Segment, nodes: _Nodes) -> Array:
-        """Return the size of the terms that outputs, signals to be delayed and states are the sum of, shape (segments, ·).
-
-        Those of outputs and delayed signals where only exponentials meet terms that cancel in a long segment, 0 else;
-        those of states are what their rates are the sum of, over the segment or the time in which a state forgets.
-        """
-        propagator = self.propagator(segment)
-        if not isinstance(propagator, Exponential):
-            h = float((self._basis[0] @ segment.width).real)
-            x, u, w = (np.abs(part[:, 0].real).max(axis=1, initial=0.0) for part in (nodes.x, nodes.u, nodes.w))
-            a = np.abs(self.s.a[0].real)
-            flow = x @ a.T + np.concatenate([u, w], axis=-1) @ np.abs(self._b[0].real).T
-            return np.concatenate(
-                [np.zeros((segment.count, self.s.n_out + self.s.m)), h * flow / (1 + h * np.diag(a))], axis=-1
-            )
-        if propagator not in self._reach:
-            self._reach[propagator] = np.abs(self.s.c1[0].real @ propagator.maps[0].real).max(axis=0).T
-        x, u = nodes.x[:, 0, 0].real, nodes.u[:, 0]
-        return np.asarray(np.abs(np.concatenate([x, u[:, 0], u[:, -1] - u[:, 0]], axis=-1)) @ self._reach[propagator])
-
-    def overlooks(self, segment: _Segment, nodes: _Nodes) -> bool:
-        """Return whether something between the nodes of ``segment`` is heard, which many short pieces held one delay ago."""
-        if not self.s.m or not self.count:
-            return False
-        start, h = (float((self._basis[0] @ part).real) for part in (segment.start, segment.width))
-        edges = self.edges[: self.count + 1, 0].real
-        for channel, delay in enumerate(self.s.delays[0].real):
-            first, last = np.searchsorted(edges, (start - delay, start - delay + h))
-            if h > delay or last - first <= _FEW_PIECES:
-                continue
-            middles = (edges[first : last - 1] + edges[first + 1 : last]) / 2
-            heard = weights((middles + delay - start) / h) @ nodes.w[0, 0, :, channel].real
-            held = self.z[first : last - 1, DEGREE // 2, 0, channel].real
-            if np.abs(heard - held).max() > _OVERLOOKED * self._loudest[channel]:
-                return True
-        return False
-
-    def append(self, segment: _Segment, nodes: _Nodes) -> None:
-        """Take over the first ``segment.count`` of the segments computed."""
-        k, count = self.count, segment.count
-        if k + count > len(self.y):
-            self._allocate(max(2 * k, k + count))
-        for kept, found in ((self.u, nodes.u), (self.y, nodes.y), (self.z, nodes.z)):
-            kept[k : k + count] = found[:count].swapaxes(1, 2)
-        self._loudest = np.maximum(self._loudest, np.abs(nodes.z[:count, 0].real).max(axis=(0, 1), initial=0.0))
-        self.state = nodes.x[count - 1, :, -1]
-        start, width = self._basis @ segment.start, self._basis @ segment.width
-        self.edges[k : k + count + 1] = start + np.arange(count + 1)[:, None] * width
-        self.count += count
-
-    def replay(self, plan: list[_Segment]) -> Trajectory:
-        for segment in plan:
-            self.append(segment, self.step(segment))
-        return self.trajectory(plan)
-
-    def trajectory(self, plan: list[_Segment]) -> Trajectory:
-        k = self.count
-        return Trajectory(
-            edges=self.edges[: k + 1], u=self.u[:k], y=self.y[:k], plan=plan, propagators=self.propagators
-        )
-
-    def _inputs(self, start: Array, width: Array) -> Array:
-        """Return the inputs at the nodes, shape (lanes, N + 1, inputs), each end with its one-sided limit."""
-        points, to_nodes = interior()
-        t0, h = float(start[0].real), float(width[0].real)
-        zero = 0.0 if self._origin is None else self._origin.u[:, None]
-        if self._steps:  # constant between breaking points, so the nodes' own motion is not seen
-            held = np.array([float(signal.value(np.array([t0 + h / 2]))[0]) for signal in self.signals])
-            return np.broadcast_to(held - zero, (self.lanes, DEGREE + 1, len(held)))
-        inside = t0 + h * points
-        values = (
-            np.stack([np.asarray(signal.value(inside), dtype=float) for signal in self.signals], axis=-1)
-            if self.signals
-            else np.zeros((DEGREE + 1, 0))
-        )
-        values = to_nodes @ values
-        if self._dtype != np.complex128:
-            return np.broadcast_to(values - zero, (self.lanes, *values.shape))
-        # a node that moves with a delay sees the command a little earlier or later
-        moved = (start[:, None] + width[:, None] * NODES) - (t0 + h * NODES)
-        return np.asarray(values[None] + moved[:, :, None] * (differentiation_matrix() @ values / h)[None] - zero)
-
-    def _delayed(self, start: Array, width: Array) -> Array:
-        """Return the delayed signals at the nodes, shape (lanes, N + 1, m)."""
-        s, k = self.s, self.count
-        out = self._before(start, width)
-        if not s.m or not k:
-            return out
-        edges = self.edges[: k + 1, 0].real
-        t0, h = float(start[0].real), float(width[0].real)
-        nodes = start[:, None] + width[:, None] * NODES  # (lanes, N + 1)
-        echo = self._echoes(start, width)
-        heard = np.flatnonzero(echo >= 0)
-        out[:, :, heard] = self.z[echo[heard], :, :, heard].transpose(2, 1, 0)
-        apart = np.flatnonzero(echo < 0)
-        if not len(apart):
-            return out
-        delays = s.delays[:, apart].T  # (channels, lanes)
-        past = nodes - delays[:, :, None]
-        inward = (t0 + h * (NODES + 1e-9 * (0.5 - NODES))) - delays[:, :1].real
-        known = (inward >= edges[0]) & (NODES * h <= delays[:, :1].real * (1 + 1e-9))
-        piece = np.clip(np.searchsorted(edges, inward, side="right") - 1, 0, k - 1)  # (channels, N + 1)
-        begin, end = self.edges[piece].swapaxes(1, 2), self.edges[piece + 1].swapaxes(1, 2)
-        past_z = self.z[piece, :, :, apart[:, None]]
-        values = np.einsum("cpjl,cjlp->cpj", weights((past - begin) / (end - begin)), past_z)
-        out[:, :, apart] = np.where(known[:, None, :], values, out[:, :, apart].transpose(2, 0, 1)).transpose(1, 2, 0)
-        return out
-
-    def _before(self, start: Array, width: Array) -> Array:
-        """Return what delayed signals bring from before t = 0 at the nodes, shape (lanes, N + 1, m), 0 from later on."""
-        s = self.s
-        heard = np.zeros((self.lanes, DEGREE + 1, s.m), dtype=self._dtype)
-        if self._origin is None or not s.m:
-            return heard
-        nodes = float(start[0].real) + float(width[0].real) * (NODES + 1e-9 * (0.5 - NODES))
-        return np.where((nodes[:, None] < s.delays[0].real)[None], -self._origin.z[:, None], heard)
-
-    def _echoes(self, start: Array, width: Array) -> npt.NDArray[np.intp]:
-        """Return, for each delay, the piece that is exactly the interval asked for, one delay ago; -1 where none is."""
-        edges, h = self.edges[: self.count + 1], float(width[0].real)
-        begin = (start[:, None] - self.s.delays).T  # (channels, lanes)
-        piece = np.searchsorted(edges[:, 0].real, begin[:, 0].real + h / 2, side="right") - 1
-        inside = (piece >= 0) & (piece < self.count)
-        there = np.where(inside, piece, 0)
-        apart = np.concatenate([edges[there] - begin, edges[there + 1] - begin - width], axis=1)
-        same = inside & (np.abs(apart.real).max(axis=1) <= 1e-12 * h)
-        if np.iscomplexobj(start):
-            same &= np.abs(apart.imag).max(axis=1) <= 1e-12 * float(np.abs(start.imag).max(initial=0.0))
-        return np.where(same, piece, -1)
-
-
-def _grown(old: Array, shape: tuple[int, ...], dtype: type[np.float64 | np.complex128]) -> Array:
-    new = np.zeros(shape, dtype=dtype)
-    new[: len(old)] = old
-    return new
-
-
 def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin: Origin | None) -> Trajectory:
     """Return the real response on segments placed so that it is resolved."""
-    run = _Run(system, signals, 64, origin)
+    run = Run(system, signals, 64, origin)
     watch = Resolution(system)
     basis = np.concatenate([[1.0], system.delays[0].real])
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
-    plan: list[_Segment] = []
+    plan: list[Segment] = []
+    resting = False
     dearer = 1 + system.m / 10  # what a step costs with many delays
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
@@ -377,7 +108,9 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
         while position < 1.0:
             width = 0.5**level
             count = min(round((1.0 - position) / width), most) if straight else 1
-            segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count)
+            segment = Segment(
+                start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count, resting=resting
+            )
             nodes = run.step(segment)
             held, roomy = watch.judge(
                 nodes.x, nodes.y, nodes.z, partial(run.terms, segment, nodes), states=not straight
@@ -403,6 +136,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
             plan.append(replace(segment, count=good))
             if run.count > MAX_SEGMENTS or len(plan) * dearer > MAX_STEPS:
                 raise _unresolved("it is too lightly damped, too stiff or has too many delays", horizon)
+            resting = resting or run.nears_rest(segment, watch.largest_state)
             position += good * width
             most = min(2 * most, MOST_AT_ONCE)
             if trial:

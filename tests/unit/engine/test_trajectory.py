@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from engine.exact.time.trajectory import Trajectory, respond
+from engine.diagram.diagram import compile_system
+from engine.exact.time.run import Trajectory
+from engine.exact.time.trajectory import respond
 from engine.model.linear_system import LaneSystem, LinearSystem
 from engine.model.tangent import INFINITESIMAL, slopes
 from engine.signals import make
+from tests.unit.engine.diagrams import block, document
 
 STEP = make("step", {})
 
@@ -140,3 +143,44 @@ def test_integrators_alone_have_no_dynamics_to_be_scaled_by() -> None:
     chain = np.array([[0.0, 1.0], [0.0, 0.0]])
     double = LinearSystem.delay_free(chain, np.array([[0.0], [1e-9]]), np.array([[1.0, 0.0]]), 0 * one)
     np.testing.assert_allclose(response(double).output(0).sample(t), 1e-9 * t**2 / 2, atol=5e-22)
+
+
+def hydraulic_loop(*, kp: float, kd: float) -> LinearSystem:
+    """A PID law with an integral time of 0.2 s, a delay of 3 ms, a valve and a cylinder: a fast loop with a slow tail."""
+    blocks = {
+        "r": block("input"), "late": block("delay", time=0.003),
+        "pid": block("pid", kp=kp, integral_time=0.2, kd=kd, filter_frequency=1000.0, setpoint_weight_p=0.9),
+        "valve": block("proportional_valve", flow_gain=2.4e-4, time_constant=1e-3),
+        "axis": block(
+            "linear_hydraulic_motor", area=1.26e-3, volume=2.5e-4, bulk_modulus=1e9, leakage=2.3e-11, mass=10.0,
+            viscous_friction=1000.0,
+        ),
+    }  # fmt: skip
+    wires = [
+        "r -> pid.reference",
+        "axis.position -> pid.measurement",
+        "pid -> late",
+        "late -> valve",
+        "valve -> axis.flow",
+    ]
+    outputs = {"position": "axis.position", "acceleration": "axis.acceleration", "control": "pid"}
+    return compile_system(document(blocks, wires, outputs)).realize()
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(300.0, 0.0), (300.0, 0.45), (450.0, 0.2), (450.0, 0.45)])
+def test_a_slow_tail_behind_a_fast_loop_takes_few_segments_and_ends_at_rest(kp: float, kd: float) -> None:
+    # rounding of what is solved for a long segment must not look like something that moves: it took a thousand segments
+    system = LaneSystem.of([hydraulic_loop(kp=kp, kd=kd)]).balanced()
+    found = respond(system, [STEP], 7.0)
+    assert len(found.plan) < 150
+    assert found.output(0).sample(np.array([6.9])) == pytest.approx([1.0], abs=1e-12)
+    assert np.abs(found.output(1).sample(np.array([6.9]))) <= 1e-13 * np.abs(found.y[..., 1]).max()
+
+
+def test_what_is_counted_from_rest_goes_on_as_it_was() -> None:
+    # s + k e^(-s τ) has its slowest root at W(-k τ)/τ, and what is left of a step decays with it alone
+    gain, delay = 0.3, 1.0
+    root = float(lambertw(-gain * delay).real) / delay
+    late = np.linspace(30.0, 60.0, 7)
+    y = response(integrator_with_delay(gain, delay), horizon=100.0).output(0).sample(late)
+    assert 1.0 - y == pytest.approx(np.exp(root * late) / (1 + root * delay), rel=1e-9, abs=1e-15)
