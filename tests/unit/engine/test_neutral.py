@@ -62,7 +62,7 @@ def test_what_has_died_within_a_delay_is_no_pole() -> None:
 
 def test_echoes_too_many_to_follow_are_refused_before_they_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     followed = []
-    monkeypatch.setattr("engine.exact.time.trajectory._Run.step", lambda *_: followed.append(1))
+    monkeypatch.setattr("engine.exact.time.run.Run.step", lambda *_: followed.append(1))
     with pytest.raises(UnresolvedError, match="the echoes of its delays"):
         simulate(echoes((0.45, 0.1), (0.45, 0.1414)), signals={"r": make("step", {})}, outputs=["y"])
     assert not followed
