@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 
 import pypdf
@@ -103,6 +104,19 @@ def test_a_comment_on_a_recording_is_kept(page: Page, client) -> None:
     expect(place.get_by_role("listitem")).to_contain_text("The sensor was loose from 2 s on.")
     (said,) = client.get("/v1/comments", params={"about": dataset}).json()["items"]
     assert said["text"] == "The sensor was loose from 2 s on."
+
+
+def test_a_comment_is_found_by_its_words(page: Page, client, job) -> None:
+    assert client.post("/v1/comments", json={"about": job, "text": "Coupling changed: serial 4711 is in"}).is_success
+    page.goto("/about")
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    page.keyboard.press("Control+k")
+    page.get_by_role("combobox", name="Search everything").fill("4711 coupling")
+    found = page.get_by_test_id("found").locator("[data-kind=comments]")
+    expect(found).to_have_count(1)
+    expect(found).to_contain_text("Coupling changed: serial 4711 is in")
+    found.click()
+    expect(page).to_have_url(re.compile(rf"/jobs/{job}$"))
 
 
 def test_a_report_of_a_job_is_taken_away(page: Page, job) -> None:

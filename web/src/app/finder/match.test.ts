@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { found, indexOf, type Entry } from "./match";
-import { chapters } from "./sources";
+import { chapters, commentEntry } from "./sources";
 
 const entry = (title: string, more: Partial<Entry> = {}): Entry => ({ kind: "systems", title, about: "", to: `/systems/${title}`, ...more });
 const titles = (entries: Entry[], text: string) => found(indexOf(entries), text).flatMap((group) => group.entries.map(({ title }) => title));
@@ -22,6 +22,17 @@ it("shows six of a kind and tells of the others; the documentation only to whoev
   const entries = [...Array.from({ length: 9 }, (_, i) => entry(`axis ${i}`)), entry("Axes", { kind: "documentation" })];
   expect(found(indexOf(entries), "ax").map(({ kind, entries: shown, more }) => [kind, shown.length, more])).toEqual([["systems", 6, 3], ["documentation", 1, 0]]);
   expect(found(indexOf(entries), " ").map(({ kind }) => kind)).toEqual(["systems"]);
+});
+
+it("offers comments to whoever asks for something, by the whole of their text, where what they are about has a page", () => {
+  const said = (about: string, text: string) => ({ id: "com_1", about, text, author: "Ana", author_id: "key_1", created_at: "2026-01-02T03:04:05Z", deletable: true });
+  const long = `Rings at 80 Hz.\n${"and more ".repeat(20)}\nSerial 4711`;
+  const entries = [said("job_1", long), said("sys_1", "Kept."), said("ds_1", "Loose."), said("res_1", "Serial 4711, too")].flatMap(commentEntry);
+  expect(entries.map(({ to }) => to)).toEqual(["/jobs/job_1", "/systems/sys_1", "/datasets/ds_1"]);
+  expect(entries[0]!.title).toMatch(/^Rings at 80 Hz\. and more .*…$/);
+  expect(entries[0]!.about).toBe("Ana · 2026-01-02");
+  expect(titles(entries, "serial 4711")).toEqual([entries[0]!.title]);
+  expect(titles(entries, "")).toEqual([]);
 });
 
 it("reads the chapters of the documentation without their marks", () => {

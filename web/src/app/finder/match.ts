@@ -11,7 +11,7 @@ export interface Entry {
   outside?: boolean;
 }
 
-export const KINDS = ["pages", "systems", "optima", "jobs", "datasets", "schedules", "rigs", "acquisitions", "documentation"] as const;
+export const KINDS = ["pages", "systems", "optima", "jobs", "datasets", "schedules", "rigs", "acquisitions", "comments", "documentation"] as const;
 export type Kind = (typeof KINDS)[number];
 
 export interface Found {
@@ -48,11 +48,14 @@ export function indexOf(entries: readonly Entry[]): Index {
   return entries.map((entry) => ({ entry, title: plain(entry.title), about: plain(entry.about), rest: plain(entry.words ?? "") }));
 }
 
-/** What holds all words of a text, the best of each kind first; of nothing, the first of each kind but the documentation. */
+/** Kinds of which nothing is offered before anything is asked: they are long texts, found by what is in them. */
+const ASKED_FOR = new Set<Kind>(["comments", "documentation"]);
+
+/** What holds all words of a text, the best of each kind first; of nothing, the first of each kind but those of long texts. */
 export function found(index: Index, text: string): Found[] {
   const asked = plain(text).split(/\s+/).filter(Boolean);
   return KINDS.flatMap((kind) => {
-    if (asked.length === 0 && kind === "documentation") return [];
+    if (asked.length === 0 && ASKED_FOR.has(kind)) return [];
     const fitting = index.flatMap((one) => {
       const fit = one.entry.kind === kind ? fitOf(one.title, one.about, one.rest, asked) : 0;
       return fit > 0 ? [{ fit, entry: one.entry }] : [];

@@ -1,6 +1,7 @@
 import { queryOptions, type QueryClient } from "@tanstack/react-query";
 import type { TFunction } from "i18next";
 import { api, must } from "@/shared/api/client";
+import type { Comment } from "@/shared/api/comments";
 import { Problem } from "@/shared/api/problem";
 import { words } from "@/shared/units/format";
 import type { Entry, Kind } from "./match";
@@ -48,6 +49,16 @@ async function ofJobs(t: TFunction, client: QueryClient): Promise<Source> {
       return { kind: job.kind === "optimization" && job.result ? "optima" : "jobs", title: of ? `${title}: ${of}` : title, about: `${t(`status.${job.status}`, job.status)} · ${day(job.created_at)}`, words: job.id, to: `/jobs/${job.id}` };
     }),
   };
+}
+
+/** Letters of a comment that stand in the list. */
+const SHOWN = 90;
+
+/** A comment leads to what it is about; kept results have no page. */
+export function commentEntry({ id, about, text, author, created_at }: Comment): Entry[] {
+  const place = { sys: `/systems/${about}`, ds: `/datasets/${about}`, job: `/jobs/${about}` }[about.split("_")[0]!];
+  const line = text.replace(/\s+/g, " ").trim();
+  return place === undefined ? [] : [{ kind: "comments", title: line.length > SHOWN ? `${line.slice(0, SHOWN - 1)}…` : line, about: `${author} · ${day(created_at)}`, words: `${line} ${id} ${about}`, to: place }];
 }
 
 const PAGES: [to: string, key: string][] = [
@@ -108,6 +119,10 @@ const read: Partial<Record<Kind, (t: TFunction, client: QueryClient) => Promise<
   acquisitions: async (t) => {
     const { items, cut } = await all((query) => must(api.GET("/v1/acquisitions", { params: { query } })));
     return { cut, entries: items.map(({ id, name, rig, status }) => ({ kind: "acquisitions", title: name || id, about: `${rig} · ${t(`status.${status}`, status)}`, words: id, to: `/acquisitions/${id}` })) };
+  },
+  comments: async () => {
+    const { items, cut } = await all((query) => must(api.GET("/v1/comments", { params: { query } })));
+    return { cut, entries: items.flatMap(commentEntry) };
   },
   documentation: ofDocumentation,
 };
