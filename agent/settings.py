@@ -102,7 +102,7 @@ class StageSettings:
 class InputSettings:
     """An input with its sensor: physical value = (measured - zero) / (sensitivity · gains of its chain) + offset, in ``unit``.
 
-    Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with ``distance``, m.
+    Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with ``distance``, m; of a counter edges.
     ``wiring`` is rse, nrse, diff or pseudo (empty: what the module has); ``bridge`` full, half or quarter, its ``resistance``
     Ohm; ``pulses`` those of an encoder in a turn, ``distance`` m of one pulse; ``excitation`` V, of IEPE sensors A.
     """

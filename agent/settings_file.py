@@ -56,6 +56,8 @@ _WORDS = {
     "bridge": ("full", "half", "quarter"),
     "thermocouple": ("B", "E", "J", "K", "N", "R", "S", "T"),
 }
+_WITHOUT_UNIT = frozenset({"digital", "counter"})
+"""Kinds that deliver a number without a unit."""
 _VARIABLES = {
     "SERVOTUNE_AGENT_URL": ("service", "url"),
     "SERVOTUNE_AGENT_KEY": ("service", "key"),
@@ -143,7 +145,7 @@ def _section(kind: type[Section], table: Any, place: str) -> Section:
     if not isinstance(table, dict):
         raise SettingsError(f"{place} must be a table, got {table!r}")
     declared = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type] # they are all dataclasses
-    values: dict[str, Any] = {"unit": ""} if kind is InputSettings and table.get("kind") == "digital" else {}
+    values: dict[str, Any] = {"unit": ""} if kind is InputSettings and table.get("kind") in _WITHOUT_UNIT else {}
     for name, value in table.items():
         if name not in declared:
             raise SettingsError(f"{place}: setting must be one of {', '.join(declared)}, got {name!r}")
@@ -242,6 +244,10 @@ def _check_kind(entry: InputSettings, place: str) -> None:
         raise SettingsError(
             f"{place}: sensitivity must be given where unit is not {counted}, which an encoder delivers: {counted} for one "
             f"{entry.unit}, got unit {entry.unit!r} and none"
+        )
+    if entry.kind == "counter" and entry.overall_sensitivity == 1.0 and entry.unit not in {"", "1"}:
+        raise SettingsError(
+            f"{place}: sensitivity must be given where a counter has a unit: edges for one {entry.unit}, got none"
         )
     if entry.pulses != round(entry.pulses):
         raise SettingsError(f"{place}: pulses must be a whole number, got {entry.pulses:g}")

@@ -5,7 +5,7 @@ drop-out   the same value to the last bit for 0.2 s and 200 samples, in a channe
            sign 200 times, its smallest step is at most range / 2^14): one of few digits may rest
 still      the same value from the first sample to the last: told as information, because nobody knows what it is
 
-Only analog kinds with a range are judged: an encoder, a digital line or a thermocouple may stand still. The work for a block
+Only analog kinds with a range are judged: an encoder, a counter, a digital line or a thermocouple may stand still. The work for a block
 is a few passes over it, whatever it holds.
 """
 

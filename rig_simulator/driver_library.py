@@ -34,6 +34,7 @@ FUNCTIONS = {
     "CfgDigEdgeStartTrig": "tsi",
     "ReadAnalogF64": "tidipupp",
     "ReadCounterF64Ex": "tidipupp",
+    "ReadCounterU32Ex": "tidipupp",
     "ReadDigitalU32": "tidipupp",
     "WriteAnalogF64": "tiudippp",
     "WriteDigitalU32": "tiudippp",
@@ -183,7 +184,7 @@ class Library:
     def _run(self, name: str, a: Sequence[Any]) -> int:
         bench = self._bench
         if name.startswith("Read"):
-            kind = ctypes.c_uint32 if name == "ReadDigitalU32" else ctypes.c_double
+            kind = ctypes.c_uint32 if name in {"ReadDigitalU32", "ReadCounterU32Ex"} else ctypes.c_double
             return self._read(a, kind)
         match name:
             case "CreateTask":
@@ -235,7 +236,7 @@ class Library:
         count = values.shape[1]
         whole = np.zeros((values.shape[0], max(a[1], count)))
         whole[:, :count] = values
-        if kind is ctypes.c_uint32:  # the value of a line is in the bit of its number
+        if kind is ctypes.c_uint32 and task.kind != "CI":  # the value of a line is in the bit of its number
             whole *= np.array([[2.0**channel.line] for channel in task.channels])
         target = np.ctypeslib.as_array((kind * a[5]).from_address(a[4]))
         target[: whole.size] = (whole if a[3] == 0 else whole.T).ravel()

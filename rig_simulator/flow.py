@@ -13,7 +13,7 @@ from rig_simulator import routing
 from rig_simulator.devices import CONTINUOUS, FINITE, Channel, Device, Task
 from rig_simulator.faults import DriverError
 from rig_simulator.plant import Plant, PlantError
-from rig_simulator.sensors import Converter, EncoderRun, InputRun, LineRun, Sensor, SensorRun
+from rig_simulator.sensors import Converter, EdgesRun, EncoderRun, InputRun, LineRun, Sensor, SensorRun
 
 Samples = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -86,7 +86,9 @@ class Flow:
         found: list[InputRun] = []
         for channel in task.channels:
             sensor = self.sensors.get(channel.physical)
-            if channel.kind == "CI":
+            if channel.what == "edges":
+                found.append(EdgesRun(sensor or Sensor()))
+            elif channel.kind == "CI":
                 found.append(EncoderRun(sensor or Sensor(), channel.step or 1.0))
             elif channel.kind == "DI":
                 found.append(LineRun(sensor or Sensor()))

@@ -116,6 +116,13 @@ class Driver(service.NiDAQmxServicer):
         padded[: values.shape[1]] = values[0]
         return messages.ReadCounterF64ExResponse(status=status, read_array=padded, samps_per_chan_read=values.shape[1])
 
+    def ReadCounterU32Ex(self, request: Any, context: Context) -> Any:  # noqa: N802
+        """Read counts."""
+        status, values = self._read(request, context)
+        padded = np.zeros(max(request.num_samps_per_chan, values.shape[1]), dtype=np.uint32)
+        padded[: values.shape[1]] = values[0]
+        return messages.ReadCounterU32ExResponse(status=status, read_array=padded, samps_per_chan_read=values.shape[1])
+
     def ReadDigitalU32(self, request: Any, context: Context) -> Any:  # noqa: N802
         """Read lines; the value of a line is in the bit of its number."""
         task = self._bench.task(request.task.name)

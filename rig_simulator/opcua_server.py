@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from asyncua import ua
-from asyncua.crypto.permission_rules import SimpleRoleRuleset
+from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
 from asyncua.crypto.truststore import TrustStore
 from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
 from asyncua.server import Server as Ua
@@ -32,11 +32,33 @@ _STARTS_WITHIN = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Security:
-    """The certificate and key of a server, and the folder with the certificates of the clients that it lets in."""
+    """The certificate and key of a server, and the folder with the certificates of the clients that it lets in.
+
+    With a ``user`` it lets in that one alone, by its ``password``.
+    """
 
     certificate: Path
     private_key: Path
     trusted: Path
+    user: str = ""
+    password: str = ""
+
+
+class _Users:
+    """Who may come in: the one user of a controller that has one, else everybody."""
+
+    def __init__(self, security: Security | None) -> None:
+        self._security = security
+
+    def get_user(
+        self, iserver: object, username: str | None = None, password: str | None = None, certificate: object = None
+    ) -> User | None:
+        """Return a user who may read and write, None for a stranger; asyncua's name and arguments."""
+        del iserver, certificate
+        known = self._security
+        if known is None or not known.user or (username, password) == (known.user, known.password):
+            return User(role=UserRole.User)
+        return None
 
 
 class Server:
@@ -97,7 +119,7 @@ class Server:
             self._ready.set()
 
     async def _serve(self) -> None:
-        server = Ua()
+        server = Ua(user_manager=_Users(self._security))
         await server.init()
         server.set_endpoint(f"opc.tcp://{self._host}:{self.port}")
         await self._secure(server)

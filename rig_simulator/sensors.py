@@ -98,6 +98,23 @@ class EncoderRun:
         return np.asarray(np.floor(moved / self._step + 1e-9) * self._step)
 
 
+class EdgesRun:
+    """A counter of rising edges: one for each whole step that the quantity goes up, from its first sample on."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
+        self._counted, self._last = 0.0, math.nan
+
+    def deliver(self, values: Samples) -> Samples:
+        """Return the edges so far."""
+        steps = np.floor(self._sensor.sensitivity * values + self._sensor.offset + 1e-9)
+        before = steps[:1] if math.isnan(self._last) else [self._last]
+        counts = self._counted + np.cumsum(np.maximum(np.diff(steps, prepend=before), 0.0))
+        if counts.size:
+            self._counted, self._last = float(counts[-1]), float(steps[-1])
+        return np.asarray(counts)
+
+
 class LineRun:
     """A digital line: 1 above half a unit."""
 

@@ -14,7 +14,7 @@ LONGEST_WAIT = 3600.0
 MOST_BEFORE = 8_000_000
 """Samples before a trigger, of all channels together: the agent keeps them in memory, 64 MB."""
 
-_WITHOUT_RANGE = frozenset({"thermocouple", "encoder", "digital"})
+_WITHOUT_RANGE = frozenset({"thermocouple", "encoder", "counter", "digital"})
 """Kinds of inputs whose `range` says nothing."""
 
 

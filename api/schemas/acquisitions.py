@@ -43,14 +43,23 @@ class StageDocument(Document):
 class RigInputDocument(Document):
     """An input channel with its sensor: physical value = measured / (sensitivity x gains of the chain) + offset, in `unit`.
 
-    Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with `distance`, m; of a digital
-    line 0 or 1.
+    Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with `distance`, m; of a counter
+    rising edges; of a digital line 0 or 1.
     """
 
     name: Name
     channel: Label = Field(description="name of the channel in the hardware", examples=["cDAQ1Mod1/ai0"])
     kind: Literal[
-        "voltage", "current", "acceleration", "force", "velocity", "bridge", "thermocouple", "encoder", "digital"
+        "voltage",
+        "current",
+        "acceleration",
+        "force",
+        "velocity",
+        "bridge",
+        "thermocouple",
+        "encoder",
+        "counter",
+        "digital",
     ] = "voltage"
     quantity: str = Field(default="", max_length=100)
     unit: str = Field(default="V", max_length=64)

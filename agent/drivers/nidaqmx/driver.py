@@ -159,7 +159,7 @@ class Nidaqmx(Driver):
         analog = led(inputs)
         following = groups([entry for entry in inputs if entry.kind in FOLLOWERS])
         if len(following) > MOST:
-            detail = f"encoders of one run must be at most {MOST}, less one for digital lines, got {len(following)}"
+            detail = f"encoders and counters of one run must be at most {MOST}, less one for digital lines, got {len(following)}"
             raise AttemptError("unsupported_setting", detail)
         with ExitStack() as stack:
             rate_of = f"sample rate {rate:g} of {listed([entry.name for entry in inputs])}"

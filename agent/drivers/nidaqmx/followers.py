@@ -1,4 +1,4 @@
-"""Encoders and digital lines: tasks of their own that take a sample with each one of the analog inputs."""
+"""Encoders, counters and digital lines: tasks of their own that take a sample with each one of the analog inputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST = 8
 
 
 class Follower:
-    """One encoder, or all digital lines: a device has one clock for them.
+    """One encoder or counter, or all digital lines: a device has one clock for them.
 
     Parameters
     ----------
@@ -29,10 +29,10 @@ class Follower:
 
     def __init__(self, task: Any, entries: Sequence[InputSettings]) -> None:
         self._task, self.names = task, [entry.name for entry in entries]
-        self._counts = entries[0].kind == "encoder"
+        self._kind = entries[0].kind
         for entry in entries:
             add_input(task, entry)
-        self._reader = (CounterReader if self._counts else DigitalMultiChannelReader)(task.in_stream)
+        self._reader = (DigitalMultiChannelReader if self._kind == "digital" else CounterReader)(task.in_stream)
 
     def arm(self, clock: str, rate: float, timing: dict[str, Any]) -> None:
         """Wait for the sample clock of the analog inputs."""
@@ -46,16 +46,20 @@ class Follower:
 
     def read(self, count: int, timeout: float) -> Samples:
         """Return the next samples, shape (entries, n)."""
-        if self._counts:
+        if self._kind == "encoder":
             values = np.empty(count)
             got = self._reader.read_many_sample_double(values, count, timeout=timeout)
             return values[None, :got]
+        if self._kind == "counter":  # edges are counted in whole numbers, which the driver does not scale
+            counts = np.empty(count, dtype=np.uint32)
+            got = self._reader.read_many_sample_uint32(counts, count, timeout=timeout)
+            return counts[None, :got].astype(np.float64)
         lines = np.empty((len(self.names), count), dtype=np.uint32)
         got = self._reader.read_many_sample_port_uint32(lines, count, timeout=timeout)
         return np.asarray(lines[:, :got] != 0, dtype=np.float64)
 
 
 def groups(entries: Sequence[InputSettings]) -> list[list[InputSettings]]:
-    """Return what shares a task: each encoder alone, all digital lines together."""
+    """Return what shares a task: each encoder and counter alone, all digital lines together."""
     lines = [entry for entry in entries if entry.kind == "digital"]
-    return [[entry] for entry in entries if entry.kind == "encoder"] + ([lines] if lines else [])
+    return [[entry] for entry in entries if entry.kind != "digital"] + ([lines] if lines else [])

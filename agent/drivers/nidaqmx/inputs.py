@@ -2,7 +2,7 @@
 
 Analog ones deliver V (of a bridge V/V, of a current input A, of a thermocouple K): IEPE channels are made with a sensitivity
 of exactly 1 V for their unit, so that the calibration stays with the recording and can be corrected later. An encoder delivers
-rad, or m where a pulse is a way; a digital line 0 or 1.
+rad, or m where a pulse is a way; a counter the rising edges since the start; a digital line 0 or 1.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from nidaqmx.constants import (
     BridgeConfiguration,
     BridgeUnits,
     CJCSource,
+    CountDirection,
     Coupling,
+    Edge,
     EncoderType,
     ExcitationSource,
     ForceIEPESensorSensitivityUnits,
@@ -36,7 +38,7 @@ from agent.settings import InputSettings
 
 IEPE = ("acceleration", "force", "velocity")
 """Kinds whose sensor is fed with a current, and may hold a data sheet."""
-FOLLOWERS = ("encoder", "digital")
+FOLLOWERS = ("encoder", "counter", "digital")
 """Kinds that have no clock of their own: they follow that of the analog inputs."""
 _WIRINGS = {
     "": TerminalConfiguration.DEFAULT,
@@ -145,6 +147,10 @@ def _encoder(task: Any, entry: InputSettings) -> None:
         )
 
 
+def _counter(task: Any, entry: InputSettings) -> None:
+    task.ci_channels.add_ci_count_edges_chan(entry.channel, edge=Edge.RISING, count_direction=CountDirection.COUNT_UP)
+
+
 def _digital(task: Any, entry: InputSettings) -> None:
     task.di_channels.add_di_chan(entry.channel, line_grouping=LineGrouping.CHAN_PER_LINE)
 
@@ -158,6 +164,7 @@ _ADD: dict[str, Callable[[nidaqmx.Task, InputSettings], None]] = {
     "bridge": _bridge,
     "thermocouple": _thermocouple,
     "encoder": _encoder,
+    "counter": _counter,
     "digital": _digital,
 }
 KINDS = tuple(_ADD)

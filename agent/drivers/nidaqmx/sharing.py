@@ -38,7 +38,7 @@ def led(inputs: Sequence[InputSettings]) -> list[InputSettings]:
     """
     analog = [entry for entry in inputs if entry.kind not in FOLLOWERS]
     if not analog:
-        detail = "an analog input must be measured, too: encoders and digital lines take their samples by its clock"
+        detail = "an analog input must be measured, too: encoders, counters and digital lines take their samples by its clock"
         raise AttemptError("unsupported_setting", detail)
     return analog
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,7 +21,7 @@ from rig_simulator.sensors import Sensor
 
 
 @contextmanager
-def rig(devices: dict[str, str], **sensors: Sensor) -> Iterator[tuple[Bench, Nidaqmx]]:
+def rig(devices: dict[str, str], *, daq: Mapping[str, str] = {}, **sensors: Sensor) -> Iterator[tuple[Bench, Nidaqmx]]:
     """Give a bench of devices (name -> model) and the agent's way to it; a sensor's name is its channel with _ for /."""
     bench = Bench(
         [Device(name=name, model=model, serial=i) for i, (name, model) in enumerate(devices.items(), 1)],
@@ -29,7 +29,9 @@ def rig(devices: dict[str, str], **sensors: Sensor) -> Iterator[tuple[Bench, Nid
         speed=0.0,
     )
     server = Server(bench)
-    hardware = Nidaqmx(NidaqmxSettings(server=f"127.0.0.1:{server.port}", deadline=10.0, chunk=0.05), rig="bench")
+    hardware = Nidaqmx(
+        NidaqmxSettings(server=f"127.0.0.1:{server.port}", deadline=10.0, chunk=0.05, **daq), rig="bench"
+    )
     try:
         yield bench, hardware
     finally:
@@ -81,6 +83,49 @@ def test_an_output_runs_sample_for_sample_with_the_inputs_of_its_family(devices,
         assert np.abs(values[0] - drive.block(0, values.shape[1])).max() < step
         assert bench.levels[played] == 0.0
         assert not bench.tasks
+
+
+@pytest.mark.parametrize(
+    ("clock", "trigger", "refused"),
+    [
+        ("/cDAQ1/ai/SampleClock", "/cDAQ1/ai/StartTrigger", False),
+        ("", "/cDAQ1/ai/StartTrigger", False),
+        ("/cDAQ1Mod1/ai/SampleClock", "", True),  # modules have none of their own
+        ("", "/cDAQ1Mod1/ai/StartTrigger", True),
+    ],
+)
+def test_clock_and_trigger_of_the_settings_are_taken_and_nothing_else(clock, trigger, refused) -> None:
+    devices = {"cDAQ1Mod1": "NI 9234", "cDAQ1Mod2": "NI 9263"}
+    sensor = {"cDAQ1Mod1_ai0": Sensor(loopback="cDAQ1Mod2/ao0")}
+    with rig(devices, daq={"clock": clock, "trigger": trigger}, **sensor) as (_, hardware):
+        output = OutputSettings(name="valve", channel="cDAQ1Mod2/ao0", amplitude=4.0)
+        entry = InputSettings(name="in", channel="cDAQ1Mod1/ai0", range=5.0)
+        if not refused:
+            values, drive = measured(hardware, [entry], output)
+            assert np.abs(values[0] - drive.block(0, values.shape[1])).max() < 20.0 / 2**15
+            return
+        with pytest.raises(AttemptError, match=r"-89120.* set `clock` and `trigger`") as caught:
+            measured(hardware, [entry], output)
+        assert caught.value.code == "no_route"
+
+
+@pytest.mark.parametrize(
+    ("model", "has", "lacks"),
+    [("PCIe-6321", ("", "rse", "nrse", "diff"), ("pseudo",)), ("PXI-4461", ("", "diff", "pseudo"), ("rse", "nrse"))],
+)
+def test_every_wiring_is_asked_for_by_its_name(model, has, lacks) -> None:
+    with rig({"Dev1": model}) as (_, hardware):
+        for wiring in has:
+            entry = InputSettings(name="in", channel="Dev1/ai0", wiring=wiring)
+            assert hardware.trial([entry], rate=1000.0) == pytest.approx(1000.0)
+        for wiring in lacks:
+            entry = InputSettings(name="in", channel="Dev1/ai0", wiring=wiring)
+            with pytest.raises(AttemptError, match=f"AI.TermCfg; Requested Value: {wiring.upper()}"):
+                hardware.trial([entry], rate=1000.0)
+    with rig({"cDAQ1Mod1": "NI 9234"}) as (_, hardware):
+        entry = InputSettings(name="in", channel="cDAQ1Mod1/ai0", range=5.0, wiring="diff")
+        with pytest.raises(AttemptError, match="Requested Value: DIFF"):
+            hardware.trial([entry], rate=1652.0)
 
 
 def test_an_output_without_a_clock_comes_to_rest_and_plays_no_drive() -> None:
@@ -189,6 +234,26 @@ def test_encoder_and_line_are_sampled_with_the_analog_inputs() -> None:
         for told in (lambda: measured(hardware, inputs[:1], None), lambda: hardware.synchronisation(inputs[:1])):
             with pytest.raises(AttemptError, match="an analog input must be measured, too"):
                 told()
+
+
+def test_a_counter_counts_the_edges_between_samples() -> None:
+    """One edge for each whole step that the signal goes up, none for the way down, counted from the start."""
+    with rig({"Dev1": "PCIe-6363"}, Dev1_ctr0=Sensor(loopback="Dev1/ao0", sensitivity=50.0)) as (_, hardware):
+        output = OutputSettings(name="valve", channel="Dev1/ao0", amplitude=6.0)
+        inputs = [
+            InputSettings(name="volts", channel="Dev1/ai0"),
+            InputSettings(name="pulses", channel="Dev1/ctr0", kind="counter", unit="mm", sensitivity=50.0),
+        ]
+        values, drive = measured(hardware, inputs, output)
+        steps = np.floor(50.0 * drive.block(0, values.shape[1]) + 1e-9)
+        rising = np.maximum(np.diff(steps, prepend=steps[0]), 0.0)
+        assert np.array_equal(values[1], np.cumsum(rising))
+        assert values[1, -1] == 400  # two humps of 2 V in 0.2 s, 2 of sin² at 10 Hz each: four ways up of 100 steps
+    with (
+        rig({"Dev1": "USB-6008"}) as (_, hardware),
+        pytest.raises(AttemptError, match="On Demand"),  # its counter has no clock
+    ):
+        measured(hardware, [inputs[0], inputs[1]], None)
 
 
 @pytest.mark.parametrize(

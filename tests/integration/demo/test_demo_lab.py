@@ -5,13 +5,14 @@ from __future__ import annotations
 import pytest
 
 from examples.demo_lab import __main__ as demo
-from examples.demo_lab.axis import HIDDEN, START_GAIN, TRUTH
+from examples.demo_lab.axis import DRIVERS, HIDDEN, START_GAIN, TRUTH
 from examples.demo_lab.figure import draw
 from examples.demo_lab.processes import lab
 
 
-def test_a_rig_is_understood_and_made_better(tmp_path, capsys) -> None:
-    with lab(tmp_path / "lab") as running:
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_a_rig_is_understood_and_made_better(tmp_path, capsys, driver) -> None:
+    with lab(tmp_path / "lab", driver=driver) as running:
         findings = demo.run(running)
     textbook, identified = findings.errors
     assert textbook > 10.0

@@ -180,3 +180,33 @@ def test_an_encrypted_connection_is_for_known_agents_and_for_the_known_controlle
                 with pytest.raises(AttemptError) as caught:
                     driver.devices()
                 assert caught.value.code in codes, (change, caught.value.detail)
+
+
+def test_a_user_comes_in_by_the_password_alone(tmp_path) -> None:
+    own, own_key = certificate(tmp_path / "plc", "plc")
+    agent, agent_key = certificate(tmp_path / "agent", "agent")
+    (tmp_path / "trusted").mkdir()
+    shutil.copy(agent, tmp_path / "trusted")
+    security = Security(
+        certificate=Path(own), private_key=Path(own_key), trusted=tmp_path / "trusted", user="rig", password="pässword"
+    )
+    (tmp_path / "right").write_text("pässword\n", encoding="utf-8")
+    (tmp_path / "wrong").write_text("password\n", encoding="utf-8")
+    (tmp_path / "empty").write_text("")
+    known = {"certificate": agent, "private_key": agent_key, "server_certificate": own, "deadline": 5.0}
+    with controller(speed=0.0, security=security) as server:
+        with connected(server.port, **known, user="rig", password_file=str(tmp_path / "right")) as driver:
+            assert driver.devices()[0]["name"] == "PLC"
+        for user, file, code in (
+            ("rig", "wrong", "server_refuses"),
+            ("gir", "right", "server_refuses"),
+            ("", "right", "server_refuses"),
+            ("rig", "empty", "no_password"),
+            ("rig", "nowhere", "no_password"),
+        ):
+            given = known | {"user": user, "password_file": str(tmp_path / file)}
+            with connected(server.port, **given) as driver:
+                with pytest.raises(AttemptError) as caught:
+                    driver.devices()
+                assert caught.value.code == code, (user, file, caught.value.detail)
+                assert "pässword" not in caught.value.detail

@@ -49,6 +49,7 @@ export function delivered(channel: RigInput | RigOutput): string {
       return "K";
     case "encoder":
       return (channel as RigInput).distance ? "m" : "rad";
+    case "counter":
     case "digital":
       return "";
     default:
