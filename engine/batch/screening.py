@@ -20,6 +20,7 @@ from engine.batch.frequency.batch import FrequencyBatch
 from engine.batch.kernels.batch import Batch, Slopes, UnsuitableError
 from engine.batch.kernels.readings import TIME_READINGS
 from engine.batch.linear.responses import Responses
+from engine.batch.linear.spectra import Spectra
 from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError
@@ -93,12 +94,15 @@ class Screening:
         if shares.batch is not None and not infinitesimals:
             asked = partial(self._second_opinion, shares, overrides) if second_opinion and shares.timed else None
             parts.append((list(shares.kernels), shares.batch(points, threads=self._threads, then=asked)))
+        spectra = None
+        if shares.responses is not None or infinitesimals or scanned or not parts:
+            spectra = Spectra(self._diagram.realize_stack(overrides))
         if shares.responses is not None:
-            parts.append((list(shares.own), shares.responses(overrides)))
+            parts.append((list(shares.own), shares.responses(overrides, spectra)))
         if infinitesimals and shares.again is not None:
-            parts.append((list(shares.timed), shares.again(overrides)))
+            parts.append((list(shares.timed), shares.again(overrides, spectra)))
         if scanned or not parts:
-            parts.append((scanned, self._scan(tuple(scanned))(overrides)))
+            parts.append((scanned, self._scan(tuple(scanned))(overrides, spectra)))
         for columns, part in parts:
             whole = part.values.shape[1] == len(self._requests)
             own = columns if whole else list(range(len(columns)))

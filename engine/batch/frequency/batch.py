@@ -16,12 +16,13 @@ from engine.batch.frequency.balance import balance
 from engine.batch.frequency.bounds import LOOP_MASKS, PATH_MASKS, ratio
 from engine.batch.frequency.margins import LOOP_METRICS, PATH_METRICS
 from engine.batch.frequency.scan import Path, Scan
-from engine.batch.linear.generator import eigenvalues_of
 from engine.batch.linear.poles import growth_of
+from engine.batch.linear.spectra import Spectra
 from engine.batch.screened import Screened
 
 if TYPE_CHECKING:
     from engine.analysis.measuring import MetricRequest
+    from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
     from engine.model.linear_system import Array, StackedSystem
 
@@ -47,19 +48,30 @@ class FrequencyBatch:
         self._requests = tuple(requests)
         self.measured = tuple(self._is_measured(request) for request in requests)
 
-    def __call__(self, overrides: Mapping[str, Array]) -> Screened:
-        """Return the metrics for arrays (B,) of parameter values."""
-        (batch,) = {len(values) for values in overrides.values()}
+    def __call__(self, overrides: Mapping[str, Array], spectra: Spectra | None = None) -> Screened:
+        """Return the metrics for arrays (B,) of parameter values; ``spectra`` are those of the stack there, where known."""
+        spectra = Spectra(self._diagram.realize_stack(overrides)) if spectra is None else spectra
+        stack, here = spectra.stack, spectra.told
         complex_lanes = any(np.iscomplexobj(values) for values in overrides.values())
-        found = Screened.unknown(batch, len(self._requests), dtype=complex if complex_lanes else float)
-        found.doubtful[:] = ~np.array(self.measured, dtype=bool)
-        for start in range(0, batch, _CHUNK):
-            span = slice(start, min(start + _CHUNK, batch))
-            part = {name: column[span] for name, column in overrides.items()}
-            self._chunk(
-                part, Screened(values=found.values[span], doubtful=found.doubtful[span], growth=found.growth[span],
-                               valid=found.valid[span]),
-            )  # fmt: skip
+        found = Screened.unknown(len(stack.valid), len(self._requests), dtype=complex if complex_lanes else float)
+        found.valid[:] = stack.valid
+        if not stack.a.shape[1] and not stack.delays.shape[1]:
+            # Nothing moves by itself: there is no frequency to begin a scan at.
+            found.growth[stack.valid] = -np.inf
+            found.doubtful[:, self.measured] = stack.valid[:, None]
+            return found
+        if here.size:
+            found.growth[here] = growth_of(spectra.roots(here))
+        found.doubtful[:, self.measured] = (stack.valid & np.isnan(found.growth))[:, None]
+        stable = here[found.growth[here] < 0]
+        loops = {
+            request.open_at
+            for request, own in zip(self._requests, self.measured, strict=True)
+            if own and _is_loop(request)
+        }
+        opened = {at: self._diagram.realize_stack(overrides, open_at=at) for at in loops if stable.size}
+        for start in range(0, len(stable), _CHUNK):
+            self._read(stack, opened, stable[start : start + _CHUNK], found)
         return found
 
     def _is_measured(self, request: MetricRequest) -> bool:
@@ -69,42 +81,19 @@ class FrequencyBatch:
             return True
         return request.mask is not None and (request.metric in LOOP_MASKS or request.metric in PATH_MASKS)
 
-    def _chunk(self, overrides: Mapping[str, Array], found: Screened) -> None:
-        """Enter the metrics of some candidates."""
-        stack = self._diagram.realize_stack(overrides)
-        found.valid[:] = stack.valid
-        here = np.flatnonzero(stack.valid)
-        if not here.size:
-            return
-        if not stack.a.shape[1] and not stack.delays.shape[1]:
-            # Nothing moves by itself: there is no frequency to begin a scan at.
-            found.doubtful[here], found.growth[here] = True, -np.inf
-            return
-        told = (stack.delays[here].real > 0).all(axis=1) & ~np.any(stack.x0[here] != 0, axis=1)
-        found.doubtful[here[~told]] = True
-        here = here[told]
-        if not here.size:
-            return
-        flow = [np.asarray(part[here].real) for part in (stack.a, stack.b2, stack.c2, stack.d22, stack.delays)]
-        roots = eigenvalues_of(*flow) if stack.delays.shape[1] else np.linalg.eigvals(flow[0])
-        found.growth[here] = growth_of(roots)
-        found.doubtful[here[np.isnan(found.growth[here])]] = True
-        stable = here[found.growth[here] < 0]
-        if stable.size:
-            self._read(stack, overrides, stable, found)
-
-    def _read(self, stack: StackedSystem, overrides: Mapping[str, Array], here: Array, found: Screened) -> None:
+    def _read(
+        self, stack: StackedSystem, opened: Mapping[Opening | None, StackedSystem], here: Array, found: Screened
+    ) -> None:
         """Enter the metrics of the candidates ``here``, which are stable."""
         scans: dict[tuple[object, ...], tuple[Path, Scan]] = {}
         for index, request in enumerate(self._requests):
             if not self.measured[index]:
                 continue
-            loop = request.metric in LOOP_METRICS or request.metric in LOOP_MASKS
+            loop = _is_loop(request)
             key = (request.open_at,) if loop else (request.source, request.target)
             if key not in scans:
                 if loop:
-                    opened = self._diagram.realize_stack(overrides, open_at=request.open_at)
-                    path = _path(opened, here, "loop", "loop", sign=-1.0)
+                    path = _path(opened[request.open_at], here, "loop", "loop", sign=-1.0)
                 else:
                     path = _path(stack, here, str(request.source), str(request.target), sign=1.0)
                 scans[key] = path, Scan(path)
@@ -119,6 +108,10 @@ class FrequencyBatch:
             # What is slower than the lowest frequency of the table crosses and bends below it.
             slow = np.abs(found.growth[here]) < scan.frequencies[:, 0]
             found.doubtful[here, index] = read.doubtful | slow
+
+
+def _is_loop(request: MetricRequest) -> bool:
+    return request.metric in LOOP_METRICS or request.metric in LOOP_MASKS
 
 
 def _path(stack: StackedSystem, here: Array, source: str, target: str, *, sign: float) -> Path:

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from engine.batch.linear import poles, readings
 from engine.batch.linear.commands import Command, NotCoveredError
 from engine.batch.linear.evaluate import Delayed, Watched, evaluate
-from engine.batch.linear.generator import eigenvalues_of
 from engine.batch.linear.readings import Wanted
 from engine.batch.linear.response_requests import (
     INTEGRALS,
@@ -24,6 +23,7 @@ from engine.batch.linear.response_requests import (
     plan_of,
     within,
 )
+from engine.batch.linear.spectra import Spectra
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError, UnresolvedError
 
@@ -121,20 +121,23 @@ class Responses:
         response.add(column, request, order, diagram.outputs.index(output))
         self._responses[key] = response
 
-    def __call__(self, overrides: Mapping[str, Array]) -> Screened:
-        """Return the metrics for arrays (B,) of parameter values; complex ones carry derivatives."""
-        (members,) = {len(values) for values in overrides.values()}
+    def __call__(self, overrides: Mapping[str, Array], spectra: Spectra | None = None) -> Screened:
+        """Return the metrics for arrays (B,) of parameter values; complex ones carry derivatives.
+
+        ``spectra`` are those of the stack there, where known.
+        """
+        spectra = Spectra(self._diagram.realize_stack(overrides)) if spectra is None else spectra
+        stack, here = spectra.stack, spectra.told
+        members = len(stack.valid)
         kind = complex if any(np.iscomplexobj(values) for values in overrides.values()) else float
         found = Screened.unknown(members, len(self._requests), dtype=kind)
-        stack = self._diagram.realize_stack(overrides)
         found.valid[:] = stack.valid
         if not 0 < stack.a.shape[1] <= _MOST_STATES or stack.delays.shape[1] > _MOST_CHANNELS:
             return found
-        here = np.flatnonzero(stack.valid & ~np.any(stack.x0 != 0, axis=1) & (stack.delays.real > 0).all(axis=1))
         growths = [np.full(members, -np.inf)]
         if self._of_poles:
             growths.append(self._poles(stack, here, found))
-        growths += [self._response(response, stack, here, found) for response in self._responses.values()]
+        growths += [self._response(response, spectra, found) for response in self._responses.values()]
         worst = np.max(growths, axis=0)  # NaN where one is not known
         known = np.nanmax(growths, axis=0)
         found.growth[here] = np.where(known >= 0, known, worst)[here]
@@ -150,13 +153,14 @@ class Responses:
                 growth[here] = own
         return growth
 
-    def _response(self, response: ResponseRequests, stack: StackedSystem, here: Array, found: Screened) -> Array:
+    def _response(self, response: ResponseRequests, spectra: Spectra, found: Screened) -> Array:
         """Enter the metrics of the responses to one command, and return the growth of what lies between it and its outputs."""
+        stack, here = spectra.stack, spectra.told
         growth = np.full((2, len(stack.valid)), -np.inf)
         if not here.size:
             return np.full(len(stack.valid), np.nan)
         n, inputs, outputs = stack.a.shape[1], response.inputs, sorted(set(response.outputs))
-        flow = np.concatenate([_beside(stack.a, stack.b2), _beside(stack.c2, stack.d22)], axis=1)[here]
+        flow = spectra.flow[here]
         driven = np.concatenate([stack.b1, stack.d21], axis=1)[here][:, :, inputs]
         seen = np.concatenate([stack.c1, stack.d12], axis=2)[here][:, outputs]
         through = stack.d11[here][:, outputs][:, :, inputs]
@@ -168,7 +172,7 @@ class Responses:
                 continue
             part = response.of([outputs[lane] for lane in lanes])
             those, late = flow[rows][:, kept][:, :, kept], delays[rows][:, lines - n]
-            values = _roots(those.real, len(states), late.real)
+            values = spectra.roots(here[rows], kept)
             own = poles.growth_of(values)
             growth[0, here[rows]] = np.maximum(growth[0, here[rows]], own)
             growth[1, here[rows]] = np.fmax(growth[1, here[rows]], own)
@@ -280,13 +284,6 @@ def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:
     return 0 < stack.a.shape[1] <= _MOST_STATES and channels <= _MOST_CHANNELS, channels > 0
 
 
-def _roots(flow: Array, n: int, delays: Array) -> Array:
-    """Return the rightmost characteristic roots (B, N); the first n rows and columns are states, the others delay channels."""
-    if not delays.shape[1]:
-        return np.asarray(np.linalg.eigvals(flow))
-    return eigenvalues_of(flow[:, :n, :n], flow[:, :n, n:], flow[:, n:, :n], flow[:, n:, n:], delays)
-
-
 def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, list[int]]]:
     """Return (members, states, outputs) for each pattern of what acts on what: outputs with the same states between them and the command."""
     count = len(flow)
@@ -303,10 +300,6 @@ def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, 
             groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
         found += [(np.flatnonzero(which.ravel() == k), *group) for group in groups.values()]
     return found
-
-
-def _beside(one: Array, other: Array) -> Array:
-    return np.concatenate([one, other], axis=2)
 
 
 def _between(acts: Flags, driven: Flags, seen: Flags) -> Array:
