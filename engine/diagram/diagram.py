@@ -13,11 +13,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.diagram import remarks
 from engine.diagram.blocks import Blocks
 from engine.diagram.channels import Channels
 from engine.diagram.connections import LOOP, Opening, Wires
 from engine.diagram.described import describe
 from engine.diagram.flatten import Flat, flatten
+from engine.diagram.laws import Laws
 from engine.diagram.precise_dc_gain import ExactRest
 from engine.diagram.rates import assemble_by_rates
 from engine.diagram.realize import Interconnection, Wiring
@@ -25,16 +27,14 @@ from engine.diagram.references import References
 from engine.elements import Realization
 from engine.elements._base import Values
 from engine.elements._sampler import Sampler
-from engine.exact.laws.laws import Law
 from engine.exact.laws.system import NonlinearSystem
-from engine.exact.nonlinear.linearize import joined, small_signal
 from engine.exact.nonlinear.operating_point import OperatingPoint, operating_point
 from engine.model.document import Block, Connection, Parameter, Remark, System
-from engine.model.errors import DiagramError, EngineError
+from engine.model.errors import DiagramError
 from engine.model.failures import numerical
 from engine.model.linear_system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
 from engine.model.many_digits import Formulas
-from engine.model.parameters import Param, ParameterInfo, Scalar
+from engine.model.parameters import Param, ParameterInfo
 from engine.model.traced import Graph, Traced
 
 __all__ = ["LOOP", "Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
@@ -119,6 +119,7 @@ class Diagram:
         self.warnings = (*self._wires.warnings, *flat.warnings)
         self.constants: Mapping[str, float] = dict(constants or {})
         self._blocks = Blocks(flat, self.parameters)
+        self._laws = Laws(self._blocks, self._channels, self._interconnection, self.constants)
 
     @property
     def nonlinear(self) -> bool:
@@ -133,15 +134,7 @@ class Diagram:
     @property
     def sampled_alone(self) -> bool:
         """Whether samplers without limits are all that is not linear in it."""
-        return self._channels.numbers == self._samplers.numbers and not self._limited_samplers()
-
-    def _limited_samplers(self) -> list[Law]:
-        """Return the samplers whose limits make them more than their linear part."""
-        return [
-            law
-            for law in self.laws().laws
-            if issubclass(law.element, Sampler) and law.element.linear_part(law.real) != law.real
-        ]
+        return self._channels.numbers == self._samplers.numbers and not remarks.limited(self.laws().laws)
 
     @property
     def reads_rates(self) -> bool:
@@ -151,34 +144,14 @@ class Diagram:
     @property
     def linearization(self) -> tuple[Remark, ...]:
         """What a linearised answer must say: that it is one, and what stands for slopes that do not exist."""
-        if not self.nonlinear:
-            return ()
-        given = ", ".join(f"{name} = {value:g}" for name, value in self.constants.items()) or "0"
-        general = Remark(
-            at=("blocks",), detail=f"the system is nonlinear: linearised about its operating point, inputs {given}"
-        )
-        own = [Remark(at=block.at, detail=f"{block.path}: {note}") for block, note in self._channels.notes()]
-        return (general, *own)
+        return remarks.linearization(self._channels, self.constants)
 
     @property
     def analysis(self) -> tuple[Remark, ...]:
         """What an answer over frequency must say: that it is linearised, and what it means with samplers."""
         if not self.sampled:
             return self.linearization
-        detail = (
-            "samplers are taken as they are: margins and poles are those of the map over their common period, a response is the "
-            "part of the answer at the frequency of the input"
-        )
-        limited = [
-            Remark(
-                at=law.at,
-                detail=f"{law.label}: its limits are left out, margins and poles are those of its linear part",
-            )
-            for law in self._limited_samplers()
-        ]
-        others = () if self._channels.numbers == self._samplers.numbers else self.linearization
-        besides = [remark for remark in others if not any(remark.at == block.at for block, _ in self._samplers.notes())]
-        return (Remark(at=("blocks",), detail=detail), *limited, *besides)
+        return remarks.sampled(self._samplers, self._channels, self.laws().laws, self.constants)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.system, self.constants)
@@ -219,7 +192,7 @@ class Diagram:
             Parameter values (SI) by path.
         """
         realizations, values = self._blocks.changed(overrides or {})
-        found = self._linearized(realizations, self._laws(realizations, values))
+        found = self._laws.linearized(realizations, values, self.wiring())
         number = next(n for n in self._channels.numbers if self._flat.blocks[n].path == law)
         found[number] = Realization.static(np.ones((1, 1)))
         return self._assemble(found, self._wires.wiring(law))
@@ -262,14 +235,14 @@ class Diagram:
                     self._systems.clear()
                 realizations = self._blocks.base
                 if self.nonlinear:
-                    realizations = self._linearized(realizations, self.laws())
+                    realizations = self._laws.linearized(*self._blocks.changed({}), self.wiring())
                 system = self._systems[open_at, by_rates] = self._assemble(realizations, wiring, by_rates=by_rates)
                 for name in ARRAYS:
                     getattr(system, name).setflags(write=False)
             return system
         realizations, values = self._blocks.changed(overrides)
         if self.nonlinear:
-            realizations = self._linearized(realizations, self._laws(realizations, values))
+            realizations = self._laws.linearized(realizations, values, self.wiring())
         return self._assemble(realizations, wiring, by_rates=by_rates)
 
     def laws(
@@ -285,32 +258,10 @@ class Diagram:
             One lane for each parameter, as in `realize_lanes`.
         """
         if not steps:
-            return self._laws(*self._blocks.changed(overrides or {}))
+            return self._laws.system(*self._blocks.changed(overrides or {}), self.wiring())
         plain = {path: value.real for path, value in (overrides or {}).items()}
-        return self._laws(*self._blocks.changed_lanes(steps, plain), np.ones(len(steps), dtype=bool))
-
-    def _laws(
-        self,
-        realizations: list[Realization],
-        values: list[Scalar],
-        admitted: npt.NDArray[np.bool_] | None = None,
-    ) -> NonlinearSystem:
-        closed = self._wires.wiring(None)
-        wiring = self._channels.wiring(closed, self._interconnection.outputs)
-        linear = self._channels.without(realizations)
-        assembled = self._interconnection.assemble(linear, wiring, admitted=admitted)
-        own = {number: self._blocks.of(number, values) for number in self._channels.numbers}
-        return self._channels.system(assembled.matrices, closed, own)
-
-    def _linearized(self, realizations: list[Realization], system: NonlinearSystem) -> list[Realization]:
-        """Return the realisations with the slopes of the nonlinear blocks at the operating point."""
-        found = list(realizations)
-        for number, realization in zip(self._channels.numbers, self._slopes(system), strict=True):
-            found[number] = realization
-        return found
-
-    def _slopes(self, system: NonlinearSystem) -> list[Realization]:
-        return small_signal(system, operating_point(system, self.constants))
+        changed = self._blocks.changed_lanes(steps, plain)
+        return self._laws.system(*changed, self.wiring(), np.ones(len(steps), dtype=bool))
 
     def realize_stack(
         self,
@@ -352,7 +303,7 @@ class Diagram:
         wiring = self._wires.wiring(open_at)
         with np.errstate(all="ignore"):
             if self.nonlinear:
-                realizations = self._linearized_members(realizations, values, admitted)
+                realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
             assemble = assemble_by_rates if by_rates else Interconnection.assemble
             assembled = assemble(self._interconnection, realizations, wiring, admitted=admitted)
         return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
@@ -365,25 +316,6 @@ class Diagram:
         """
         batch = {path: np.asarray(value) for path, value in overrides.items()}
         return self._blocks.admitted(batch, len(next(iter(batch.values()))))
-
-    def _linearized_members(
-        self, realizations: list[Realization], values: list[Scalar], admitted: npt.NDArray[np.bool_]
-    ) -> list[Realization]:
-        """Return the realisations of a batch, each member's nonlinear blocks linearised at its own operating point."""
-        system = self._laws(realizations, values, admitted)
-        found = list(realizations)
-        members: list[list[Realization] | None] = []
-        for index in range(len(admitted)):
-            try:
-                members.append(self._slopes(system.member(index)) if admitted[index] else None)
-            except EngineError:  # a loop through nonlinear blocks has no solution for this member
-                members.append(None)
-        for place, number in enumerate(self._channels.numbers):
-            own = [None if member is None else member[place] for member in members]
-            found[number] = joined(own, like=realizations[number])
-        for index, member in enumerate(members):
-            admitted[index] &= member is not None
-        return found
 
     def realize_lanes(
         self,
@@ -432,17 +364,13 @@ class Diagram:
         if steps:
             lanes = self._blocks.lanes(steps, overrides or {})
             realizations, values, admitted = self._blocks.changed_members(lanes, len(steps))
-            realizations = self._linearized_members(realizations, values, admitted)
+            realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
             if not admitted.all():
                 raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         else:
             realizations, values = self._blocks.changed(overrides or {})
-            realizations = self._linearized(realizations, self._laws(realizations, values))
-        closed = self._wires.wiring(open_at)
-        wiring = self._samplers.wiring(closed, self._interconnection.outputs)
-        assembled = self._interconnection.assemble(self._samplers.without(realizations), wiring, admitted=admitted)
-        own = {number: self._blocks.of(number, values) for number in self._samplers.numbers}
-        return self._samplers.system(assembled.matrices, closed, own)
+            realizations = self._laws.linearized(realizations, values, self.wiring())
+        return self._laws.cut_out(self._samplers, realizations, values, self.wiring(open_at), admitted)
 
     def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:
         """Return every coefficient of every block as a formula of the parameters ``varied``, written into ``graph``.

@@ -249,6 +249,21 @@ def _shared(unit: float, channels: Channels) -> float:
     return own
 
 
+@compiled
+def _struck(plan: Plan, b: Series, d21: Series, x0: Series) -> bool:
+    """Write the states that impulses leave behind; whether none goes straight into a delay."""
+    for i in range(x0.shape[0]):
+        x0[i] = 0.0 * b[0, 0]
+    for k in range(plan.impulses.shape[0]):
+        if plan.impulses[k] != 0.0:
+            for j in range(d21.shape[0]):
+                if d21[j, k] != 0.0:
+                    return False
+            for i in range(x0.shape[0]):
+                x0[i] += b[i, k] * plan.impulses[k]
+    return True
+
+
 @allocating
 def evaluate(
     a: Series, b: Series, c: Series, d: Series, delayed: Delayed, plan: Plan, drive: Drive, watched: Watched,
@@ -300,16 +315,7 @@ def evaluate(
             flow, b[candidate], c[candidate], d[candidate], delayed, candidate, drive, watched, channels, m, rows
         )  # fmt: skip
         unit = _shared(unit_of(flow, n, drive.rate), channels)
-        through = False
-        for i in range(n):
-            x0[i] = 0.0 * flow[0, 0]
-        for k in range(plan.impulses.shape[0]):
-            if plan.impulses[k] != 0.0:
-                for j in range(own):
-                    through = through or delayed.d21[candidate, j, k] != 0.0
-                for i in range(n):
-                    x0[i] += b[candidate, i, k] * plan.impulses[k]
-        if through or not unit > 0.0 or unit == math.inf:
+        if not _struck(plan, b[candidate], delayed.d21[candidate], x0) or not unit > 0.0 or unit == math.inf:
             continue
         for r in range(count):
             rest.open[r], rest.y[r], rest.error[r] = 0, 0.0 * flow[0, 0], 0.0 * flow[0, 0] + math.nan

@@ -117,18 +117,25 @@ def follow(
             if reached == 0:
                 break
             now = target
-            count = pieces.progress[2]
-            kinked = False
-            while delayed and channels.waiting[0] > 0 and channels.kinks[0].real <= now * (1.0 + _NOTHING):
-                if bends(channels):
-                    shift = channels.kinks[0] - channels.kinks[0].real
-                    if kinked and pieces.shifts[count] != shift:
-                        return -1
-                    pieces.shifts[count], kinked = shift, True
-                if not strike(channels, pieces.times, pieces.series, pieces.base, count, z, pieces.scale):
-                    return -1
+            if delayed and not _come_back(pieces, channels, now):
+                return -1
     pieces.marks[corners] = pieces.progress[2]
     return int(pieces.progress[2])
+
+
+@compiled
+def _come_back(pieces: Pieces, channels: Channels, now: float) -> bool:
+    """Take over what comes back through delays at an instant; whether that is told."""
+    count, kinked = pieces.progress[2], False
+    while channels.waiting[0] > 0 and channels.kinks[0].real <= now * (1.0 + _NOTHING):
+        if bends(channels):
+            shift = channels.kinks[0] - channels.kinks[0].real
+            if kinked and pieces.shifts[count] != shift:
+                return False
+            pieces.shifts[count], kinked = shift, True
+        if not strike(channels, pieces.times, pieces.series, pieces.base, count, pieces.state, pieces.scale):
+            return False
+    return True
 
 
 @compiled
