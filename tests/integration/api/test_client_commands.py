@@ -103,6 +103,14 @@ def test_a_search_is_started_watched_and_repeated_from_its_request(run, sqlite_w
     assert "is queued" in again.stderr or "is running" in again.stderr
     assert run("jobs", "cancel", job).returncode == 0  # it had ended: nothing to stop
     assert "import servotune" in done(run("jobs", "script", job))
+    assert f"report_{job}.html: " in done(run("jobs", "report", job))
+    assert job in (tmp_path / f"report_{job}.html").read_text(encoding="utf-8")
+    done(run("jobs", "report", job, "--pdf", "-o", "found.pdf"))
+    assert (tmp_path / "found.pdf").read_bytes().startswith(b"%PDF-")
+    missing = run("jobs", "report", "job_nothing", "-o", "nothing.html")
+    assert missing.returncode == 1
+    assert "job_nothing" in missing.stderr
+    assert not (tmp_path / "nothing.html").exists()
 
 
 def test_a_recording_is_sent(run, sqlite_worker, tmp_path) -> None:

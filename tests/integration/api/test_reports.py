@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 from html.parser import HTMLParser
 from pathlib import Path
@@ -11,6 +12,7 @@ import httpx
 import pypdf
 import pytest
 
+import servotune
 from api.services.reports.quantities import measured, metric_value, plain, quantity
 from servotune import connect
 from servotune.errors import ApiError
@@ -285,5 +287,18 @@ def test_a_script_writes_a_report(sqlite_service, optimum, tmp_path: Path) -> No
         assert content.startswith(b"%PDF-")
         assert (tmp_path / "report.pdf").read_bytes() == content
         assert job.report().startswith(b"<!doctype html>")
-        with pytest.raises(ApiError, match="job"):
-            script.jobs.get("job_nothing")
+        long = OPTIMIZATION | {"system": LAG, "method": {"kind": "grid", "points": {"k": 1_000_000}}}
+        with connect(sqlite_service.url, key=sqlite_service.keys["run"]) as starter:
+            running = starter.jobs.start("optimization", long)
+            with pytest.raises(ApiError, match="must have succeeded to have a result"):
+                script.jobs.get(running.id).report("pdf", tmp_path / "none.pdf")
+            running.cancel()
+        assert not (tmp_path / "none.pdf").exists()
+
+
+def test_a_report_is_awaited(sqlite_service, optimum) -> None:
+    async def work() -> bytes:
+        async with servotune.AsyncClient(sqlite_service.url, key=sqlite_service.keys["read"]) as client:
+            return await (await client.jobs.get(optimum)).report("html")
+
+    assert asyncio.run(work()).startswith(b"<!doctype html>")
