@@ -32,8 +32,8 @@ UNITS: Mapping[str, str] = {"voltage": "V", "current": "A", "digital": ""}
 _MOST_POINTS = 100_000
 _MOST_PERIODS = 1000
 """Of which the breaks are looked at."""
-_MOST_SINES = 20_000_000
-"""Sines of one number that are computed to judge a drive: a fifth of a second."""
+_MOST_SINES = 5_000_000
+"""Sines of one number that are computed to judge a drive: a tenth of a second."""
 _BESIDE = 0.01
 """Of a limit: the hardware's samples lie beside those that are looked at."""
 _PLACE = ("drive", "signal")

@@ -195,7 +195,7 @@ def test_no_sample_is_lost_and_none_comes_twice(setting: Setting) -> None:
         setting.grow(10)
         if setting.attempt_is_over():
             break
-    assert done >= len(troubles)
+    assert done >= len(troubles), setting.attempt(asked)
     assert setting.arrived(asked, error=None) == SECONDS * sines.RATE
 
     # The agent is killed: every whole piece arrives, what was in memory was never on the disk.
