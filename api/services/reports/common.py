@@ -45,8 +45,8 @@ def facts(told: Told) -> Iterator[tuple[str, str]]:
 
 def sentences(texts: Iterable[str], tone: str = "plain") -> list[Part]:
     """Return texts as paragraphs, each once; of very many the first ones, and how many there are."""
-    plain_texts = (clean(text, LONGEST_SENTENCE) for text in texts)
-    found = list(dict.fromkeys(text[:1].upper() + text[1:] for text in plain_texts if text))
+    # A sentence may begin with a name, which is another one in capitals.
+    found = list(dict.fromkeys(told for text in texts if (told := clean(text, LONGEST_SENTENCE))))
     parts: list[Part] = [Sentence(text, tone) for text in found[:_MOST_SENTENCES]]  # type: ignore[arg-type]
     if len(found) > _MOST_SENTENCES:
         parts.append(

@@ -10,6 +10,7 @@ import pypdf
 import pytest
 
 from api.services.reports import as_html, as_pdf
+from api.services.reports.common import sentences
 from api.services.reports.drawing import Line, Panel, bars, panels, thinned
 from api.services.reports.matrices import matrix
 from api.services.reports.model import MOST_ROWS, Report, Section, Sentence, table
@@ -127,6 +128,13 @@ def test_names_without_an_end_wrap_and_are_cut() -> None:
         width, places = float(page.mediabox.width), []
         page.extract_text(visitor_text=lambda text, _, matrix, *__, p=places: p.append((text, matrix[4])))
         assert all(0 <= x < width for text, x in places if text.strip()), number
+
+
+def test_sentences_keep_the_names_that_they_begin_with_and_are_said_once() -> None:
+    said = ["k would have to move", "", "  ", "k would have to move", "y follows"]
+    assert sentences(said, "warning") == [Sentence("k would have to move", "warning"), Sentence("y follows", "warning")]
+    *_, last = sentences(f"sentence {i}" for i in range(30))
+    assert last == Sentence("10 more are left out; the result of the job holds all of them.")
 
 
 def test_columns_in_which_nothing_stands_are_left_out() -> None:
