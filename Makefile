@@ -154,10 +154,13 @@ tutorials: setup  ## write docs/tutorials/ from the notebooks of the examples, w
 figures: setup  ## write docs/figures/ from the examples, with a service of their own (a minute or two)
 	@$(BIN)/python -m examples.figures
 
-# Our own distributions need one another: they are told where they are, and left out of the lock.
-lock: setup  ## resolve the newest versions that our declarations allow into requirements.lock
+# Our own distributions need one another: they are told where they are, and left out of the locks. What the image runs is a part of the whole lock.
+LOCKED := --python-version 3.11 --generate-hashes --quiet --no-emit-package servotune --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock'
+lock: setup  ## resolve the newest versions that our declarations allow into requirements.lock, and of them what the image runs into requirements-image.lock
 	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,$(DISTRIBUTIONS)) --all-extras --group demo --group bench --group docs --group dev \
-		--python-version 3.11 --generate-hashes --upgrade --quiet --no-emit-package servotune --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
+		--upgrade $(LOCKED) --output-file requirements.lock
+	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,distributions/servotune distributions/servotune-server) \
+		$(addprefix --extra ,convex formats interop pareto telemetry) --constraint requirements.lock $(LOCKED) --output-file requirements-image.lock
 
 clean:  ## remove the environment, caches and what the demo wrote
 	@rm -rf $(VENV) api/site .cache dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
