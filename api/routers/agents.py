@@ -12,8 +12,9 @@ from starlette.concurrency import run_in_threadpool
 from api.http.auth import Acquirer, Reader
 from api.http.bodies import DocumentRoute
 from api.http.calls import Cursor, InstallationDep, Limit, answer, respond
-from api.schemas.acquisitions import AgentReply, AgentRequest, ClaimReply, RigReply
+from api.schemas.acquisitions import ClaimReply
 from api.schemas.replies import Page
+from api.schemas.rigs import AgentReply, AgentRequest, RigReply
 from api.services.rigs import agents, attempts
 
 router = APIRouter(prefix="/v1", tags=["agents"], route_class=DocumentRoute)

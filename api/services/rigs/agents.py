@@ -12,7 +12,7 @@ from api.convert.drives import UNITS
 from api.convert.values import check_unit
 from api.problems.documents import Fault, Problem, invalid, invalid_document
 from api.problems.pointers import Place
-from api.schemas.acquisitions import AgentRequest, RigInputDocument, RigOutputDocument
+from api.schemas.rigs import AgentRequest, RigInputDocument, RigOutputDocument
 from api.services.operation.app_context import Caller
 from api.units.conversion import UnitError, to_si
 from storage.clock import shared_now
