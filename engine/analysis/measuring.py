@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -103,6 +103,11 @@ class MetricRequest:
         return isinstance(self.open_at, tuple)
 
 
+_BESIDE: Final = 1e-6
+_SHORT: Final = 1e-7
+"""Of the time of the fastest mode."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gradient:
     """Derivatives of a metric: ``values`` (parameters,) in metric unit per SI unit; ``one_sided`` where it jumps or has a kink."""
@@ -187,7 +192,24 @@ def _lanes(
         raise DiagramError(msg, at=("parameters",))
     if commands:
         whole.append(Evaluation(diagram, overrides, commands=commands))
-    return whole, [Evaluation(diagram, overrides, [name]) for name in zero]
+    beside = {name: _beside_zero(diagram, overrides, name) if base.value_of(name) == 0 else overrides for name in zero}
+    return whole, [Evaluation(diagram, beside[name], [name]) for name in zero]
+
+
+def _beside_zero(diagram: Diagram, overrides: Mapping[str, float] | None, name: str) -> Mapping[str, float] | None:
+    """Return values at which a parameter has the slope that it has at 0.
+
+    A delay of exactly 0 is a direct connection, from which no infinitesimal leads to a delay: it is taken so short beside the
+    fastest mode that its slope has not changed.
+    """
+    own = {**(overrides or {}), name: 0.0}
+    pair = {path: np.array([value, value or _BESIDE]) for path, value in own.items() if path == name or value}
+    stack = diagram.realize_stack(pair)
+    opened = any((part[0] != part[1]).any() for part in (stack.b2, stack.d12, stack.d22))
+    if not stack.valid.all() or not opened:
+        return overrides
+    fastest = float(np.abs(np.linalg.eigvals(stack.a[0].real)).max(initial=0.0))
+    return {**own, name: _SHORT / fastest if fastest > 0 else _BESIDE}
 
 
 def findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[Finding]:

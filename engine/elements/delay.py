@@ -20,8 +20,8 @@ class Delay(Element):
     The Padé approximant is all-pass, so it answers at once where a delay is silent, and its phase is right up to about
     order/time rad/s only. It serves to compare with what others compute.
 
-    A delay of exactly 0 is a direct connection. There the derivative in ``time`` does not exist (the response would
-    have to be differentiated), so an infinitesimal on a delay of 0 is dropped.
+    A delay of exactly 0 is a direct connection, from which no infinitesimal leads to a delay: it is dropped here, and
+    derivatives by ``time`` at 0 are taken right beside it (`engine.analysis.measuring`).
 
     Beyond 1e6 s (12 days) an instant would no longer be known to the fraction of a microsecond that responses need.
     """

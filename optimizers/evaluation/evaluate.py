@@ -188,6 +188,9 @@ class Evaluator:
             unsure = doubtful & np.isnan(values)
         if (growth >= 0).any() or not valid.all():
             return None
+        # A delay of 0 is a direct connection, from which no infinitesimal leads to a delay: the exact path knows how to leave it.
+        silent = ~np.nan_to_num(slopes).any(axis=1) & (point == 0.0)
+        unsure = unsure | silent.any(axis=1, keepdims=True)
         values, slopes = (
             compared(self.problem.goals, values),
             compared_slopes(self.problem.goals, values, slopes),

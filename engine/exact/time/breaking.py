@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,13 @@ _SMOOTH = DEGREE + 2
 _NEVER = 10**6
 
 
-def gaps(system: LaneSystem, signals: Sequence[Signal], horizon: float, most: int) -> list[tuple[Array, Array]] | None:
+Apart: TypeAlias = tuple[tuple[int, "Array"], ...]
+"""Channels that jump where an interval begins, each with its own instant less that beginning: 0, but of another motion."""
+
+
+def gaps(
+    system: LaneSystem, signals: Sequence[Signal], horizon: float, most: int
+) -> list[tuple[Array, Array, Apart]] | None:
     """Return the intervals between breaking points up to ``horizon``, as combinations of 1 and the delays.
 
     None where there are more than ``most``: whoever cannot follow so many need not wait for the rest.
@@ -38,25 +44,25 @@ def gaps(system: LaneSystem, signals: Sequence[Signal], horizon: float, most: in
     m = system.m
     basis = np.concatenate([[1.0], system.delays[0].real])
     starts = sorted({0.0, *(t for signal in signals for t in signal.breaks(horizon) if 0 <= t < horizon)})
-    points = [np.array([t, *([0.0] * m)]) for t in starts]
+    points: list[tuple[Array, Apart]] = [(np.array([t, *([0.0] * m)]), ()) for t in starts]
     if m:
-        echoed = _with_echoes(system, points, basis, horizon, most)
+        echoed = _with_echoes(system, [point for point, _ in points], basis, horizon, most)
         if echoed is None:
             return None
         points = echoed
     end = np.zeros(1 + m)
     end[0] = horizon
-    found: list[tuple[Array, Array]] = []
-    for k, a in enumerate(points):
-        b = points[k + 1] if k + 1 < len(points) else end
+    found: list[tuple[Array, Array, Apart]] = []
+    for k, (a, apart) in enumerate(points):
+        b = points[k + 1][0] if k + 1 < len(points) else end
         if float((b - a) @ basis) > 1e-12 * horizon:
-            found.append((a, b))
+            found.append((a, b, apart))
     return found
 
 
 def _with_echoes(
     system: LaneSystem, points: list[Array], basis: npt.NDArray[np.float64], horizon: float, most: int
-) -> list[Array] | None:
+) -> list[tuple[Array, Apart]] | None:
     """Return the breaking points and those echoes of them that can be seen, sorted, coinciding ones once; None if too many."""
     m = len(basis) - 1
     grain = 1e-10 * float(basis[1:].min())
@@ -67,6 +73,7 @@ def _with_echoes(
     smoothness: dict[tuple[int, int], int] = {}
     front: list[tuple[float, int, int, int, int]] = []  # instant in w, channel, integrations so far, echoes, its key
     combinations: dict[int, Array] = dict(points_at)
+    apart: dict[int, list[tuple[int, Array]]] = {}
 
     def send(point: Array, channel: int, integrations: int, echoes: int) -> None:
         echo = point + shifts[channel]
@@ -75,21 +82,24 @@ def _with_echoes(
         if integrations > _SMOOTH or instant >= horizon or integrations >= smoothness.get((key, channel), _NEVER):
             return
         smoothness[key, channel] = integrations
-        combinations.setdefault(key, echo)
+        other = echo - combinations.setdefault(key, echo)
+        if integrations == 0 and other.any():
+            apart.setdefault(key, []).append((channel, other))
         heapq.heappush(front, (instant, channel, integrations, echoes, key))
 
     for point in points:
         for channel in range(m):
             send(point, channel, int(first[channel]), 1)
-    while front:
-        if len(combinations) > most:
-            return None
+    while front and len(combinations) <= most:
         _, channel, integrations, echoes, key = heapq.heappop(front)
         if integrations > smoothness[key, channel] or echoes >= audible:
             continue
         for following in range(m):
             send(combinations[key], following, integrations + int(onward[following, channel]), echoes + 1)
-    return sorted(combinations.values(), key=lambda p: float(p @ basis)) if len(combinations) <= most else None
+    if len(combinations) > most:
+        return None
+    told = ((point, tuple(apart.get(key, ()))) for key, point in combinations.items())
+    return sorted(told, key=lambda one: float(one[0] @ basis))
 
 
 def _integrations(system: LaneSystem) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

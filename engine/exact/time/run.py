@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from engine.exact.time.breaking import Apart
 from engine.exact.time.chebyshev import DEGREE, NODES, differentiation_matrix, interior, weights
 from engine.exact.time.curve import Curve
 from engine.exact.time.equilibrium import Equilibrium
@@ -36,7 +37,8 @@ Propagators: TypeAlias = dict[tuple[tuple[float, ...], int, bool], Propagator]
 class Segment:
     """Equal segments of the plan, one after the other: start and width of one as combinations of 1 and the delays.
 
-    ``resting`` segments are counted from where the response goes.
+    ``resting`` segments are counted from where the response goes. Delayed signals that are ``apart`` jump at the start, but move
+    with other delays than it does.
     """
 
     start: npt.NDArray[np.float64]
@@ -44,13 +46,14 @@ class Segment:
     key: tuple[tuple[float, ...], int]
     count: int = 1
     resting: bool = False
+    apart: Apart = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nodes:
     """States, inputs, delayed signals, outputs and signals to be delayed on the nodes, shapes (segments, lanes, N + 1, ·).
 
-    States are counted from where the response goes on segments that rest, all else never.
+    On segments that rest all but inputs are counted from where the response goes.
     """
 
     x: Array
@@ -109,6 +112,7 @@ class Run:
         self._over = max((end for end in ends if end is not None), default=0.0) if None not in ends else np.inf
         self.size = float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0
         self._origin = origin
+        self._heard: Array = np.zeros((self.lanes, system.m))
         self._rest: Equilibrium | None = None
         self._goes: Equilibrium | None = None
         self.state: Array = np.array(system.x0 if origin is None else system.x0 - origin.x, dtype=self._dtype)
@@ -126,6 +130,11 @@ class Run:
     def strides(self, start: float) -> bool:
         """Return whether many equal segments are computed at once: no delays, and commands that are straight from here on."""
         return not self.s.m and (self._linear or start >= self._over * (1 - 1e-12))
+
+    def rest(self) -> tuple[Array, Array]:
+        """Return states (n,), and outputs and signals to be delayed (outputs + m,), where the response goes; known once it is near."""
+        assert self._goes is not None
+        return self._goes.x[0].real, np.concatenate([self._goes.y[0].real, self._goes.w[0].real])
 
     def propagator(self, segment: Segment) -> Propagator:
         """Return what leads over a segment; kept for others of its width."""
@@ -154,7 +163,7 @@ class Run:
         if segment.resting and self._rest is None:
             self._rest = Equilibrium.of(s, u[:, 0])
             self.state = self.state - self._rest.x
-        rest, away, propagator = self._rest, self._away(u), self.propagator(segment)
+        away, propagator = self._away(u), self.propagator(segment)
         if segment.count == 1:
             x, w = propagator.solve(self.state, away, self._delayed(start, width))
             u, away, x, w = u[None], away[None], x[None], w[None]
@@ -166,8 +175,6 @@ class Run:
             w = np.zeros((segment.count, self.lanes, DEGREE + 1, 0))
         y = x @ s.c1.swapaxes(-1, -2) + away @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
         z = x @ s.c2.swapaxes(-1, -2) + away @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
-        if rest is not None:
-            w, y, z = w + rest.w[:, None], y + rest.y[:, None], z + rest.w[:, None]
         return Nodes(x=x, u=u, w=w, y=y, z=z)
 
     def _away(self, u: Array) -> Array:
@@ -193,8 +200,9 @@ class Run:
         propagator = self.propagator(segment)
         if not isinstance(propagator, Exponential):
             h = float((self._basis[0] @ segment.width).real)
-            w = nodes.w if self._rest is None else nodes.w - self._rest.w[:, None]
-            x, u, w = (np.abs(part[:, 0].real).max(axis=1, initial=0.0) for part in (nodes.x, self._away(nodes.u), w))
+            x, u, w = (
+                np.abs(part[:, 0].real).max(axis=1, initial=0.0) for part in (nodes.x, self._away(nodes.u), nodes.w)
+            )
             a = np.abs(self.s.a[0].real)
             flow = x @ a.T + np.concatenate([u, w], axis=-1) @ np.abs(self._b[0].real).T
             return np.concatenate(
@@ -218,6 +226,8 @@ class Run:
             middles = (edges[first : last - 1] + edges[first + 1 : last]) / 2
             heard = weights((middles + delay - start) / h) @ nodes.w[0, 0, :, channel].real
             held = self.z[first : last - 1, DEGREE // 2, 0, channel].real
+            if self._rest is not None:
+                held = held - float(self._rest.w[0, channel].real)
             if np.abs(heard - held).max() > _OVERLOOKED * self._loudest[channel]:
                 return True
         return False
@@ -227,10 +237,14 @@ class Run:
         k, count = self.count, segment.count
         if k + count > len(self.y):
             self._allocate(max(2 * k, k + count))
-        for kept, found in ((self.u, nodes.u), (self.y, nodes.y), (self.z, nodes.z)):
+        y, z = nodes.y, nodes.z
+        if self._rest is not None:
+            y, z = y + self._rest.y[:, None], z + self._rest.w[:, None]
+        for kept, found in ((self.u, nodes.u), (self.y, y), (self.z, z)):
             kept[k : k + count] = found[:count].swapaxes(1, 2)
-        self._loudest = np.maximum(self._loudest, np.abs(nodes.z[:count, 0].real).max(axis=(0, 1), initial=0.0))
+        self._loudest = np.maximum(self._loudest, np.abs(z[:count, 0].real).max(axis=(0, 1), initial=0.0))
         self.state = nodes.x[count - 1, :, -1]
+        self._heard = nodes.w[count - 1, :, -1]
         start, width = self._basis @ segment.start, self._basis @ segment.width
         self.edges[k : k + count + 1] = start + np.arange(count + 1)[:, None] * width
         self.count += count
@@ -238,8 +252,18 @@ class Run:
     def replay(self, plan: list[Segment]) -> Trajectory:
         """Follow segments that were placed before."""
         for segment in plan:
+            if segment.apart and self.count:
+                self._keep_apart(segment)
             self.append(segment, self.step(segment))
         return self.trajectory(plan)
+
+    def _keep_apart(self, segment: Segment) -> None:
+        """Let signals jump at their own instants: x misses B2 Δw times the infinitesimal by which a segment begins later."""
+        start, width = self._basis @ segment.start, self._basis @ segment.width
+        begun, before = self._delayed(start, width)[:, 0], self._heard
+        for channel, later in segment.apart:
+            jump = (begun - before)[:, channel].real
+            self.state = self.state - (jump * (self._basis @ later))[:, None] * self.s.b2[:, :, channel]
 
     def trajectory(self, plan: list[Segment]) -> Trajectory:
         """Return the response so far."""

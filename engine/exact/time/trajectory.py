@@ -20,10 +20,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.exact.time.breaking import gaps
 from engine.exact.time.resolution import Resolution
-from engine.exact.time.run import Propagators, Run, Segment, Trajectory
+from engine.exact.time.run import Nodes, Propagators, Run, Segment, Trajectory
 from engine.exact.time.struck import struck
 from engine.model.errors import UnresolvedError
 
@@ -37,6 +38,7 @@ MAX_STEPS = 30_000
 """So many segments may be computed one by one: some 10 s."""
 
 MOST_AT_ONCE = 8192
+_MOST_HALVINGS = 100
 
 
 def respond(
@@ -98,7 +100,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
     between = gaps(system, signals, horizon, int(MAX_STEPS / dearer))
     if between is None:  # each takes a step at least
         raise _unresolved("the echoes of its delays and commands have more instants", horizon)
-    for a, b in between:
+    for a, b, apart in between:
         gap = b - a
         whole, straight = float(gap @ basis), run.strides(float(a @ basis))
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
@@ -109,15 +111,16 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
             width = 0.5**level
             count = min(round((1.0 - position) / width), most) if straight else 1
             segment = Segment(
-                start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count, resting=resting
-            )
+                start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count, resting=resting,
+                apart=apart if position == 0.0 else (),
+            )  # fmt: skip
             nodes = run.step(segment)
-            held, roomy = watch.judge(
-                nodes.x, nodes.y, nodes.z, partial(run.terms, segment, nodes), states=not straight
+            good, roomy = _held(
+                run, watch, segment, nodes, straight=straight, surely=straight and width * whole <= smallest
             )
-            good = count if held.all() or (straight and width * whole <= smallest) else int(held.argmin())
-            good = 0 if good and run.overlooks(segment, nodes) else good
             if not good:
+                if level > _MOST_HALVINGS:
+                    raise _unresolved("some of it is held by no segment, however short", horizon)
                 level, most = level + 1, 1
                 waiting, patience = (4 * patience, 4 * patience) if trial else (waiting, patience)
                 trial = False
@@ -136,13 +139,31 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
             plan.append(replace(segment, count=good))
             if run.count > MAX_SEGMENTS or len(plan) * dearer > MAX_STEPS:
                 raise _unresolved("it is too lightly damped, too stiff or has too many delays", horizon)
-            resting = resting or run.nears_rest(segment, watch.largest_state)
+            resting = resting or _rests(run, watch, segment)
             position += good * width
             most = min(2 * most, MOST_AT_ONCE)
             if trial:
                 level, most = level - 1, 1
             previous = whole * 0.5**level
     return run.trajectory(plan)
+
+
+def _held(
+    run: Run, watch: Resolution, segment: Segment, nodes: Nodes, *, straight: bool, surely: bool
+) -> tuple[int, npt.NDArray[np.bool_]]:
+    """Return how many of the segments hold the response, and which would hold it were they twice as wide."""
+    terms = partial(run.terms, segment, nodes)
+    held, roomy = watch.judge(nodes.x, nodes.y, nodes.z, terms, states=not straight, resting=segment.resting)
+    good = segment.count if held.all() or surely else int(held.argmin())
+    return 0 if good and run.overlooks(segment, nodes) else good, roomy
+
+
+def _rests(run: Run, watch: Resolution, segment: Segment) -> bool:
+    """Return whether a response is counted from where it goes from the end of a segment on."""
+    if not run.nears_rest(segment, watch.largest_state):
+        return False
+    watch.rests(*run.rest())
+    return True
 
 
 def _unresolved(why: str, horizon: float) -> UnresolvedError:

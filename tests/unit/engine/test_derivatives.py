@@ -168,3 +168,39 @@ def test_defaults_leave_out_what_is_not_known() -> None:
     found = simulate(plain(), signals={"r": S_CURVE})
     assert "max_velocity" not in found.metrics["y"]
     assert "control_effort" in found.metrics["effort"]
+
+
+def late_loop(delay: float) -> Diagram:
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("pi", kp=0.6, ki=2.0), "d": block("delay", time="=T"),
+        "g": block("transfer_function", numerator=[0.5], denominator=[0.2, 1.0]),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "g -> e.in2", "e -> c", "c -> d", "d -> g"]
+    return compile_system(document(blocks, wires, {"y": "g"}, T=delay))
+
+
+def test_a_delay_of_zero_has_the_slope_that_it_has_beside_it() -> None:
+    diagram = late_loop(0.0)
+    step = {"r": make("step", {})}
+    requests = [MetricRequest(metric=name, signals=step, output="y") for name in ("ise", "settling_time", "rise_time")]
+    requests.append(MetricRequest(metric="phase_margin", open_at="e"))
+    found = measure(diagram, requests, gradient=["T"])
+    beside = [measure(diagram, requests, overrides={"T": h}) for h in (1e-4, 2e-4)]
+    for (at_zero, gradient), (one, _), (two, _) in zip(found, *beside, strict=True):
+        assert gradient is not None
+        assert at_zero.value is not None
+        # a difference to one side, right to second order
+        expected = (4 * one.value - 3 * at_zero.value - two.value) / 2e-4
+        assert gradient.values == pytest.approx([expected], rel=1e-5)
+
+
+def test_a_search_whose_best_delay_is_zero_does_not_call_it_idle() -> None:
+    made = Problem(
+        diagram=late_loop(0.02),
+        variables=(Variable(parameter="T", lower=0.0, upper=0.1),),
+        experiments=(Experiment(name="step", signals={"r": make("step", {})}),),
+        goals=(Goal(metric="ise", experiment="step", output="y", sense=Sense.MINIMIZE),),
+    )
+    result = minimize("grid", made, {"points": 5})
+    assert result.best["T"] == 0.0
+    assert not [warning for warning in result.warnings if "changes no goal" in warning]

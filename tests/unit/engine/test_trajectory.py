@@ -184,3 +184,52 @@ def test_what_is_counted_from_rest_goes_on_as_it_was() -> None:
     late = np.linspace(30.0, 60.0, 7)
     y = response(integrator_with_delay(gain, delay), horizon=100.0).output(0).sample(late)
     assert 1.0 - y == pytest.approx(np.exp(root * late) / (1 + root * delay), rel=1e-9, abs=1e-15)
+
+
+def side_by_side(first: complex, second: complex) -> LinearSystem:
+    """x' = -4 x + u(t - first) + u(t - second) with u = 3 (r - x): what goes into two delays jumps with the command."""
+    return LinearSystem(
+        a=np.array([[-4.0]]), b1=np.zeros((1, 1)), b2=np.ones((1, 2)), c1=np.ones((1, 1)), c2=np.full((2, 1), -3.0),
+        d11=np.zeros((1, 1)), d12=np.zeros((1, 2)), d21=np.full((2, 1), 3.0), d22=np.zeros((2, 2)),
+        delays=np.array([first, second]), x0=np.zeros(1), inputs=("r",), outputs=("y",),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-12])
+def test_delays_that_are_equal_move_by_themselves(apart: float) -> None:
+    # two jumps at one instant: each belongs to its own delay, and by symmetry each moves the response by half of both
+    late = np.array([0.15, 0.25, 0.4, 1.0])
+    delays = (0.1, 0.1 + apart)
+    moved = [
+        side_by_side(delays[0] + 1j * INFINITESIMAL, delays[1]),
+        side_by_side(delays[0], delays[1] + 1j * INFINITESIMAL),
+    ]
+    curve = respond(LaneSystem.of(moved), [STEP], 2.0).output(0)
+    pieces = np.searchsorted(curve.times, late, side="right") - 1
+    slopes_of = [curve.at(int(k), 0.0, float(t)).imag / INFINITESIMAL for k, t in zip(pieces, late, strict=True)]
+    h = 2e-6
+    above, below = (response(side_by_side(0.1 + d, 0.1), horizon=2.0).output(0).sample(late) for d in (h, -h))
+    for own, expected in zip(slopes_of, (above - below) / (2 * h), strict=True):
+        assert own == pytest.approx([expected, expected], rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("damping", "end"), [(0.02, 200.0), (0.005, 700.0)])
+def test_integrals_over_a_long_ringing_tail(damping: float, end: float) -> None:
+    omega, delay = 20.0, 0.05
+    system = LinearSystem(
+        a=np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]]), b1=np.zeros((2, 1)), b2=np.array([[0.0], [omega**2]]),
+        c1=np.array([[1.0, 0.0]]), c2=np.zeros((1, 2)), d11=np.zeros((1, 1)), d12=np.zeros((1, 1)), d21=np.ones((1, 1)),
+        d22=np.zeros((1, 1)), delays=np.array([delay]), x0=np.zeros(2), inputs=("r",), outputs=("y",),
+    )  # fmt: skip
+    found = respond(LaneSystem.of([system]).balanced(), [STEP], end)
+    edges = found.edges[:, 0]
+    # the integral of e itself over whole time is 2ζ/ω + τ, to which a tail that is not held would add its rounding
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    times = edges[:-1, None] + np.diff(edges)[:, None] * (nodes + 1) / 2
+    error = 1.0 - found.output(0).sample(times.ravel()).reshape(times.shape)
+    total = float((error @ weights / 2) @ np.diff(edges))
+    weighted = float(((error * times) @ weights / 2) @ np.diff(edges))
+    assert total == pytest.approx(2 * damping / omega + delay, rel=1e-11)
+    # ∫ t e dt = (4ζ² - 1)/ω² of the lag, then moved by τ
+    lag = (4 * damping**2 - 1) / omega**2
+    assert weighted == pytest.approx(delay**2 / 2 + delay * 2 * damping / omega + lag, abs=3e-15 * end**2)
