@@ -38,7 +38,7 @@ MAX_STEPS = 30_000
 """So many segments may be computed one by one: some 10 s."""
 
 MOST_AT_ONCE = 8192
-_MOST_HALVINGS = 100
+_MOST_HALVINGS = 1000
 
 
 def respond(
