@@ -13,6 +13,7 @@ from servotune.errors import ConflictError
 from servotune.jobs import Jobs
 from servotune.progress import Observer
 from servotune.replies import ChannelData, Dataset
+from servotune.targets import target_of
 from servotune.transport import Transport, pause
 
 SEGMENT_BYTES = 8 * 1024 * 1024
@@ -175,7 +176,13 @@ class Datasets:
             Those to write; all unless given.
         start, end : float, optional
             Between two times, s.
+
+        Raises
+        ------
+        ValueError
+            Nothing can be written at ``target``, or no format is told.
         """
+        target = target_of(target, "target")
         endings = {".csv": "csv", ".mat": "mat", ".parquet": "parquet", ".h5": "hdf5", ".hdf5": "hdf5"}
         chosen = format or endings.get(target.suffix.lower())
         if chosen is None:

@@ -16,6 +16,7 @@ from servotune.events import Event, parse
 from servotune.progress import Observer, ProgressBar
 from servotune.replies import JobState
 from servotune.replies.results import result_of
+from servotune.targets import target_of
 from servotune.transport import Transport, pause
 
 ResultT = TypeVar("ResultT")
@@ -199,10 +200,13 @@ class Job(Generic[ResultT]):
         ------
         ApiError
             The job has no result (yet), or is of a kind that has no report.
+        ValueError
+            Nothing can be written at ``path``; nothing is asked of the service then.
         """
+        target = None if path is None else target_of(path, "path")
         found = self._transport.send("GET", f"/v1/jobs/{self.id}/report", params={"format": form}).content
-        if path is not None:
-            Path(path).write_bytes(found)
+        if target is not None:
+            target.write_bytes(found)
         return found
 
     def _take(self, event: Event) -> None:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from servotune.repeating import Repeated, Told, repeat
 from servotune.replies.base import Reply
+from servotune.targets import target_of
 from servotune.transport import Transport
 
 Direction = Literal["both", "up", "down"]
@@ -58,7 +59,13 @@ class Lineage:
         """Write everything that a result needs into one file, which `repeat` makes again elsewhere.
 
         The file is there when it is complete: nothing half-written stays behind.
+
+        Raises
+        ------
+        ValueError
+            Nothing can be written at ``output``.
         """
+        output = target_of(output, "output")
         part = output.with_name(f"{output.name}.part-{os.getpid()}")
         path = f"/v1/lineage/{identifier}/bundle?direction={direction}"
         try:

@@ -17,6 +17,7 @@ from api.app import live, pages
 from api.app.examples import add_examples
 from api.http import handlers
 from api.http.auth import Authentication, bearer
+from api.http.queries import once
 from api.http.rate_limits import Rates
 from api.http.security_headers import Edge
 from api.problems.documents import MEDIA_TYPE
@@ -195,9 +196,9 @@ def _add_routes(app: FastAPI) -> None:
         for status, text in _PROBLEMS.items()
     }
     for router in ROUTERS:
-        app.include_router(router, dependencies=[Depends(bearer)], responses=problems)
+        app.include_router(router, dependencies=[Depends(bearer), Depends(once)], responses=problems)
     app.include_router(HEALTH)
-    app.include_router(SIGN_IN)
+    app.include_router(SIGN_IN, dependencies=[Depends(once)])
     app.include_router(live.router)
     app.router.routes.extend(pages.ROUTES)  # the last ones: they answer every address that no other does
 

@@ -6,31 +6,40 @@ A large study, or a report: that loads what draws and what writes pages, and no 
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from api.problems.documents import Problem
 from api.problems.exceptions import KNOWN, problem_of
-from api.processes.worker import bound_memory, installed, opened, prepare
+from api.processes.worker import bound_memory, installed, opened
+from api.processes.worker import prepare as prepare_to_compute
 from api.services.jobs.computing import REFUSED
 from api.services.reports import reports
 from api.services.studies.results import with_text
 from api.services.studies.studied import STUDIES
 from api.settings import Settings
 from storage.jobs.compute import ComputeJob, Reporter
+from storage.jobs.zygote import Later
 from storage.session import Database
-
-__all__ = ["prepare", "run"]
 
 #: How much less of the machine it gets than whoever answers the others.
 _NICE = 10
+
+
+def prepare() -> Later | None:
+    """Load what a worker loads, and what reports are written with: each of them would load it anew, a second or two."""
+    later = prepare_to_compute()
+    reports.warm()
+    return later
 
 
 def run(job: ComputeJob, _: Reporter) -> Mapping[str, Any]:
     """Compute ``{"study": Study}`` or ``{"report": bytes}``, or say ``{"refused": Problem}``."""
     settings: Settings = job.body["settings"]
     os.nice(_NICE)
+    bound_computing(settings.request_seconds)
     limit = bound_memory(settings.request_memory)
     with opened(job.database_url) as database:
         try:
@@ -43,6 +52,11 @@ def run(job: ComputeJob, _: Reporter) -> Mapping[str, Any]:
             return {REFUSED: Problem(422, "too-large", detail)}
         except KNOWN as error:
             return {REFUSED: problem_of(error)}
+
+
+def bound_computing(seconds: float) -> None:
+    """Let the kernel end this process, in compiled code too, when it has computed for so long; what it waits for does not count."""
+    signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def _report(job: ComputeJob, database: Database) -> Mapping[str, Any]:

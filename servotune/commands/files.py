@@ -1,4 +1,4 @@
-"""What commands are given as files: documents and requests."""
+"""What commands are given as files: documents, requests, and where something is to be written."""
 
 from __future__ import annotations
 
@@ -7,6 +7,21 @@ from pathlib import Path
 from typing import Any
 
 import click
+
+from servotune.targets import target_of
+
+
+class Target(click.ParamType[Path]):
+    """A file to write, judged before anything is asked of the service."""
+
+    name = "file"
+
+    def convert(self, value: str | Path, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Return the path, or refuse it in words."""
+        try:
+            return target_of(value, "the file")
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
 
 
 def read_json(file: Path) -> dict[str, Any]:

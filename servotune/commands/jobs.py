@@ -11,7 +11,7 @@ import click
 
 from servotune.client import Client
 from servotune.commands.connecting import asking, ids, print_json, print_table, shown_as
-from servotune.commands.files import read_json
+from servotune.commands.files import Target, read_json
 from servotune.errors import JobCancelledError, JobFailedError
 from servotune.jobs import FINAL, Job
 from servotune.replies.base import Reply
@@ -81,9 +81,7 @@ def script(client: Client, *, job: str) -> None:
     "--html", "form", flag_value="html", default=True, help="One page that needs no other file (the default)."
 )
 @click.option("--pdf", "form", flag_value="pdf", help="Pages of A4.")
-@click.option(
-    "-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="File to write; report_JOB.html by default."
-)
+@click.option("-o", "--output", type=Target(), help="File to write; report_JOB.html by default.")
 @asking
 def report(client: Client, *, job: str, form: Literal["html", "pdf"], output: Path | None) -> None:
     """Write a report of a job: what was asked, what came out, the proof, and what it was made from."""

@@ -13,6 +13,7 @@ import click
 from servotune.bundles import Bundle
 from servotune.client import Client
 from servotune.commands.connecting import asking, print_table
+from servotune.commands.files import Target
 from servotune.repeating import TOLERANCE, Repeated
 
 _SHOWN = 5
@@ -25,7 +26,7 @@ def lineage() -> None:
 
 @lineage.command
 @click.argument("id")
-@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), required=True, help="The file to write.")
+@click.option("--output", type=Target(), required=True, help="The file to write.")
 @click.option(
     "--direction", type=click.Choice(["up", "both", "down"]), default="up", help="both: also all that was made from it."
 )

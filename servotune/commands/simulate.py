@@ -10,7 +10,7 @@ import click
 
 from servotune.client import Client
 from servotune.commands.connecting import asking, ids, print_json, print_table, shown_as
-from servotune.commands.files import system_of
+from servotune.commands.files import Target, system_of
 from servotune.replies import Simulation
 
 Pair = tuple[str, Any]
@@ -57,9 +57,7 @@ def quantity(text: str) -> Any:
 )
 @click.option("--duration", type=float, help="Length of the curves, s; chosen by the service unless given.")
 @click.option("--samples", type=click.IntRange(min=2), help="Points of each curve.")
-@click.option(
-    "--csv", "table", type=click.Path(dir_okay=False, path_type=Path), help="Write the curves into this file."
-)
+@click.option("--csv", "table", type=Target(), help="Write the curves into this file.")
 @asking
 @shown_as
 def simulate(

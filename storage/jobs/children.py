@@ -24,7 +24,11 @@ _END = b"e"
 
 
 class ChildDied(Exception):  # noqa: N818 - said as it is
-    """A child ended without a word; the message says how."""
+    """A child ended without a word; the message says how, and ``signal`` what killed it."""
+
+    def __init__(self, how: str, signal: int | None = None) -> None:
+        super().__init__(how)
+        self.signal = signal
 
 
 class Child:
@@ -62,7 +66,7 @@ class Child:
             except ConnectionResetError:
                 piece = b""
             if not piece:
-                raise ChildDied(self._how_it_ended())
+                raise self._death()
             self._received += piece
 
     def end(self) -> None:
@@ -75,20 +79,20 @@ class Child:
         self._pipe.close()
         self._zygote.kill(self)
 
-    def _how_it_ended(self) -> str:
+    def _death(self) -> ChildDied:
         try:
             status = self.exited.result(timeout=5)
         except FutureTimeoutError:
-            return "the computing process closed its pipe"
+            return ChildDied("the computing process closed its pipe")
         if status is None:
-            return "the computing process lost the process that started it"
+            return ChildDied("the computing process lost the process that started it")
         if status == NOT_STARTED:
-            return "the computing process could not be started: the system has no room for another one"
+            return ChildDied("the computing process could not be started: the system has no room for another one")
         code = os.waitstatus_to_exitcode(status)
         if code >= 0:
-            return f"the computing process ended by itself with exit code {code}"
+            return ChildDied(f"the computing process ended by itself with exit code {code}")
         hint = ", perhaps because memory ran out" if -code == signal.SIGKILL else ""
-        return f"the computing process was killed by {signal.Signals(-code).name}{hint}"
+        return ChildDied(f"the computing process was killed by {signal.Signals(-code).name}{hint}", -code)
 
 
 class Zygote:

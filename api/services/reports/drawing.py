@@ -58,7 +58,6 @@ _SETTINGS: Mapping[Any, Any] = {
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.formatter.use_mathtext": True,
     "grid.color": RULE,
     "grid.linewidth": 0.6,
     "xtick.color": QUIET,
@@ -164,8 +163,17 @@ def _draw(axes: Axes, panel: Panel, names: Sequence[str], handles: dict[str, Any
     axes.margins(x=0.01)
     if panel.logarithmic:
         axes.set_xscale("log")
+    _number(axes)
     if panel.end is not None:
         axes.set_xlim(right=panel.end)
+
+
+def _number(axes: Axes) -> None:
+    """Write the numbers of both axes as letters: formulas took longer than the curves."""
+    from api.services.reports.ticks import numbered  # noqa: PLC0415 - as below
+
+    numbered(axes.xaxis)
+    numbered(axes.yaxis)
 
 
 def bars(rows: Sequence[tuple[str, float]], label: str, caption: str) -> Figure:
@@ -181,6 +189,7 @@ def bars(rows: Sequence[tuple[str, float]], label: str, caption: str) -> Figure:
         axes.axvline(0, color=QUIET, linewidth=0.7)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel(text(label))
+        _number(axes)
 
     return figure_of(draw, caption, (_WIDTH, 0.7 + 0.2 * len(rows)))
 

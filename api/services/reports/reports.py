@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Literal
 
+import numpy as np
 from sqlalchemy.orm import Session
 
 from api.problems.documents import Problem
@@ -13,7 +14,7 @@ from api.services.identifications import identifications
 from api.services.jobs import jobs
 from api.services.operation.app_context import Caller
 from api.services.optimizations import optimizations
-from api.services.reports import as_html, as_pdf
+from api.services.reports import as_html, as_pdf, drawing
 from api.services.reports.common import facts, lineage, warnings
 from api.services.reports.kinds import identified, influenced, optimized, studied, validated
 from api.services.reports.model import Report, Section, clean
@@ -38,6 +39,18 @@ _SECTIONS: Mapping[str, tuple[str, Callable[[Asked], Iterator[Section]]]] = {
     "simulation": ("Simulation", studied.simulation),
     "frequency_response": ("Frequency response", studied.frequency),
 }
+
+
+def warm() -> None:
+    """Load what draws and what writes pages: everything that a process would otherwise load with its first report."""
+    sketch = drawing.panels(
+        [drawing.Panel("", "s", "", [drawing.Line("", *np.array([[1.0, 10.0]] * 2))], logarithmic=True)], ""
+    )
+    report = Report(
+        title="", kind="", author="", made_at="2026-01-01T00:00:00+00:00", facts=(), sections=[Section("", [sketch])]
+    )
+    for write in _WRITE.values():
+        write(report)
 
 
 def check(session: Session, caller: Caller, identifier: str) -> None:

@@ -111,6 +111,9 @@ def test_a_search_is_started_watched_and_repeated_from_its_request(run, sqlite_w
     assert missing.returncode == 1
     assert "job_nothing" in missing.stderr
     assert not (tmp_path / "nothing.html").exists()
+    folder = run("jobs", "report", job, "-o", str(tmp_path))
+    assert folder.returncode == 2
+    assert "the file must be a file that can be written, got the folder" in folder.stderr
 
 
 def test_a_recording_is_sent(run, sqlite_worker, tmp_path) -> None:

@@ -43,6 +43,18 @@ from tests.integration.api.documents import LAG, OPTIMIZATION
         ),
         (("POST", "/v1/keys", {"json": {"name": "k", "scopes": ["root"]}}), 422, "scopes/0 must be 'read', 'write'"),
         (("GET", "/v1/systems?limit=0", {}), 422, "query parameter limit must be >= 1, got 0"),
+        (("GET", "/v1/systems?limit=5&limit=6", {}), 422, "query parameter limit must stand once, got it 2 times"),
+        (
+            ("GET", "/v1/jobs/{job}/report?format=html&format=pdf", {}),
+            422,
+            "parameter format must stand once, got it 2",
+        ),
+        (
+            ("POST", "/v1/identifications?dry_run=true&dry_run=false", {"json": {}}),
+            422,
+            "parameter dry_run must stand once",
+        ),
+        (("GET", "/v1/datasets/x/export?channel=a&channel=b", {}), 404, "dataset 'x' does not exist"),
         (("GET", "/v1/systems?cursor=x", {}), 422, "cursor must be a next_cursor of this list"),
         (("PUT", "/v1/systems/{system}", {"json": LAG}), 428, "If-Match must be sent"),
         (("PUT", "/v1/systems/{system}", {"json": LAG, "headers": {"If-Match": '"9"'}}), 412, "must be 1, got 9"),

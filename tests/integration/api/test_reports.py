@@ -296,6 +296,34 @@ def test_a_script_writes_a_report(sqlite_service, optimum, tmp_path: Path) -> No
         assert not (tmp_path / "none.pdf").exists()
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (".", "got the folder"),
+        ("none/report.pdf", "in a folder that is not there"),
+        ("locked.pdf", "which this user may not"),
+    ],
+)
+def test_where_no_report_can_be_written_none_is_made(
+    sqlite_service, optimum, tmp_path: Path, monkeypatch, wrong: tuple[str, str]
+) -> None:
+    place, says = wrong
+    (tmp_path / "locked.pdf").touch()
+    # root may write anywhere, whatever the mode of the file says
+    monkeypatch.setattr("servotune.targets.os.access", lambda path, _: path.name != "locked.pdf")
+    with connect(sqlite_service.url, key=sqlite_service.keys["read"]) as script:
+        sent: list[str] = []
+        script._transport._http.event_hooks["request"].append(lambda request: sent.append(request.url.path))
+        job = script.jobs.get(optimum)
+        with pytest.raises(ValueError, match=f"path must be a file that can be written, .*{says}"):
+            job.report("pdf", tmp_path / place)
+        with pytest.raises(ValueError, match=f"output must be .*{says}"):
+            script.lineage.export(optimum, tmp_path / place)
+        with pytest.raises(ValueError, match=f"target must be .*{says}"):
+            script.datasets.export("ds_any", tmp_path / place, format="csv")
+    assert not [path for path in sent if "report" in path or "bundle" in path or "export" in path]
+
+
 def test_a_report_is_awaited(sqlite_service, optimum) -> None:
     async def work() -> bytes:
         async with servotune.AsyncClient(sqlite_service.url, key=sqlite_service.keys["read"]) as client:

@@ -8,11 +8,11 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from api.problems.documents import Problem
 from api.problems.exceptions import RecalledError
 from api.services.jobs.computing import Computing, LargeError, Recall
 from api.settings import Settings
+from storage.jobs.compute import ComputeJob
 
 
 def computing(**settings) -> Computing:
@@ -255,3 +256,27 @@ def test_what_is_not_quick_leaves_the_lane_of_what_is(cost) -> None:
 def test_a_reply_that_would_be_too_large_names_count_and_limit(size, says) -> None:
     with pytest.raises(Problem, match=says):
         computing(max_samples=10, max_variants=5, max_numbers=1000).check_size(**size)
+
+
+@pytest.fixture
+def apart(monkeypatch) -> Iterator[Callable[[str], Mapping[str, Any]]]:
+    """Compute in a process of its own, for at most a second."""
+    monkeypatch.setattr("api.services.jobs.computing.CHILD", "tests.support.bounded:run")
+    slots = computing(request_seconds=1)
+
+    def compute(kind: str) -> Mapping[str, Any]:
+        job = ComputeJob(id="req_1", kind=kind, body={"seconds": 1.0}, workspace_id="ws", database_url="sqlite://")
+        return asyncio.run(slots.in_child(job, "key", recall=Recall()))
+
+    yield compute
+    slots.close()
+
+
+def test_a_process_may_wait_longer_than_it_may_compute(apart) -> None:
+    assert apart("waiting") == {"done": "waiting"}
+
+
+def test_a_process_that_computes_too_long_is_ended_and_says_so(apart) -> None:
+    with pytest.raises(Problem, match="must be computed within 1 s") as caught:
+        apart("computing")
+    assert (caught.value.status, caught.value.kind) == (422, "too-long")

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pypdf
 import pytest
+from matplotlib.mathtext import MathTextParser
 
 from api.services.reports import as_html, as_pdf
 from api.services.reports.common import sentences
@@ -15,6 +16,7 @@ from api.services.reports.drawing import Line, Panel, bars, panels, thinned
 from api.services.reports.matrices import matrix
 from api.services.reports.model import MOST_ROWS, Report, Section, Sentence, table
 from api.services.reports.responses import bode, nyquist, over_time
+from api.services.reports.ticks import common, plain
 
 HOSTILE = '<script>alert("1")</script> --> $x_{ & “Țăruș” </svg>'
 LETTERS = "Țărușul şi îngheţul, µ ≤ 5 ° Ω ✓"
@@ -201,3 +203,37 @@ def test_figures_are_paths_without_texts_and_comments() -> None:
     assert "<!--" not in figure.svg
     assert "alert" not in figure.svg
     assert "metadata" not in figure.svg
+
+
+@pytest.mark.parametrize(
+    ("formula", "letters"),
+    [
+        (r"$\mathdefault{10^{2}}$", "10²"),
+        (r"$\mathdefault{2\times10^{-13}}$", "2·10⁻¹³"),
+        (r"$\mathdefault{-10^{0}}$", "−10⁰"),
+        ("0.5", "0.5"),
+        ("", ""),
+    ],
+)
+def test_powers_of_ten_at_an_axis_are_letters(formula: str, letters: str) -> None:
+    assert plain(formula) == letters
+
+
+@pytest.mark.parametrize(
+    ("offset", "letters"), [("1e−5", "10⁻⁵"), ("2.5e+12", "2.5·10¹²"), ("1e−6+3.2e1", "10⁻⁶+3.2·10¹"), ("", "")]
+)
+def test_the_common_factor_of_an_axis_is_letters(offset: str, letters: str) -> None:
+    assert common(offset) == letters
+
+
+def test_numbers_at_axes_are_no_formulas(monkeypatch) -> None:
+    def formula(*_: object, **__: object) -> None:
+        raise AssertionError("a formula was set")
+
+    monkeypatch.setattr(MathTextParser, "parse", formula)
+    wide, narrow = (
+        Line("a", np.logspace(-3, 4, 50), np.logspace(-3, 4, 50)),
+        Line("a", np.array([2.0, 7.0]), np.array([1e-9, 3e-9])),
+    )
+    drawn = panels([Panel("t", "ω", "y", [one], logarithmic=True) for one in (wide, narrow)], "axes").svg
+    assert drawn.count("<path") > 10
