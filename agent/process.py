@@ -25,6 +25,8 @@ from agent.waking import WakingEvent
 
 _log = logging.getLogger(__name__)
 _PAUSE, _LONGEST_PAUSE = 0.5, 30.0
+_LONGEST_UNREST = 5.0
+"""s between two trials to bring the rig to rest: the service hears of each, and takes the agent for gone after a lease without a word."""
 _CLAIM_WAIT = 2.0
 """s in one request; an agent that is told to end waits no longer."""
 _PATIENCE_AT_START, _PATIENCE_AT_END = 5.0, 10.0
@@ -113,9 +115,9 @@ class Agent:
                 self._rest()
             except AttemptError as error:
                 _log.error("the rig cannot be brought to rest, and nothing is measured before: %s", error)
-                self._tell([failed("hardware", error)])
+                self._tell([failed("hardware", error)], again=True)
                 self._stop.wait(pause)
-                pause = min(2 * pause, _LONGEST_PAUSE)
+                pause = min(2 * pause, _LONGEST_UNREST)
             else:
                 self._try_channels()
                 return
@@ -131,16 +133,15 @@ class Agent:
         self._there = self._devices()
         self._tell(tried(self._settings, self._hardware))
 
-    def _tell(self, findings: Iterable[Finding]) -> None:
-        """Let the service know how devices and channels were found, as far as it can be reached."""
+    def _tell(self, findings: Iterable[Finding], *, again: bool = False) -> None:
+        """Let the service know how devices and channels were found, as far as it can be reached; what it knows ``again``, as a sign of life."""
         told = []
         for entry in findings:
             if self._stop.is_set():
                 return
             told.append({key: value[:_LONGEST_TEXT] for key, value in asdict(entry).items()})
-        found = {"findings": told, "checked_at": datetime.now(UTC).isoformat()}
-        if told != self._found.get("findings"):
-            self._found = found
+        if again or told != self._found.get("findings"):
+            self._found = {"findings": told, "checked_at": datetime.now(UTC).isoformat()}
             with contextlib.suppress(ServiceError, AttemptError, SettingsError):
                 self._service.register(self._document(), timeout=_PATIENCE_AT_START)
 

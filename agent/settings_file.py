@@ -189,6 +189,19 @@ def _check(settings: Settings) -> None:
         _check_input(entry, kinds)
     for output in settings.outputs:
         _check_output(output)
+    _check_channels(settings)
+
+
+def _check_channels(settings: Settings) -> None:
+    """Refuse a channel of the hardware that two entries have: drivers take case and a leading / for nothing."""
+    taken: dict[str, str] = {}
+    entries = [(f"input {entry.name}", entry.channel) for entry in settings.inputs]
+    for place, channel in [*entries, *((f"output {output.name}", output.channel) for output in settings.outputs)]:
+        first = taken.setdefault(channel.removeprefix("/").casefold(), place)
+        if first != place:
+            raise SettingsError(
+                f"{place}: channel must be one that no other entry has, got {channel!r}, which {first} has"
+            )
 
 
 def _check_input(entry: InputSettings, kinds: tuple[str, ...]) -> None:
@@ -219,6 +232,10 @@ def _check_calibration(given: CalibrationSettings, place: str) -> None:
             date.fromisoformat(day or "2000-01-01")
         except ValueError as error:
             raise SettingsError(f"{place}: calibration.{name} must be a day such as 2027-03-02, got {day!r}") from error
+    if given.due and given.calibrated_on and given.due < given.calibrated_on:
+        raise SettingsError(
+            f"{place}: calibration.due must not be before calibrated_on, {given.calibrated_on}, got {given.due}"
+        )
     if given.uncertainty_percent is not None and not 0.0 <= given.uncertainty_percent < math.inf:
         raise SettingsError(
             f"{place}: calibration.uncertainty_percent must be finite and >= 0, got {given.uncertainty_percent:g}"
@@ -263,6 +280,11 @@ def _check_output(output: OutputSettings) -> None:
     for name in ("soft_start", "soft_stop"):
         if not 0.0 <= getattr(output, name) < math.inf:
             raise SettingsError(f"{place}: {name} must be >= 0 s, got {getattr(output, name):g}")
+    if not output.soft_start + output.soft_stop <= output.duration:
+        raise SettingsError(
+            f"{place}: soft_start and soft_stop must fit into duration, {output.duration:g} s, got {output.soft_start:g} and "
+            f"{output.soft_stop:g}"
+        )
     if not abs(output.safe) <= output.amplitude:
         raise SettingsError(f"{place}: safe must be within {output.amplitude:g} {output.unit}, got {output.safe:g}")
     if output.kind == "digital":

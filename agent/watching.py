@@ -1,8 +1,11 @@
 """Looks at every sample that is recorded: a channel that reaches its range, one that has dropped out, missing values, and how much of the range was used.
 
 overload   |x| >= 0.9995 range
-drop-out   the same value to the last bit for 0.2 s and 200 samples, in a channel that has noise otherwise (its slope changes
-           sign 200 times, its smallest step is at most range / 2^14): one of few digits may rest
+drop-out   the same value to the last bit for 0.2 s and 200 samples, in a channel that has noise otherwise: one of few digits may rest
+noise      the eighth difference changes its sign at 200 samples at least and at a fifth of those that move, and the smallest one,
+           a step of the converter, is at most range / 2^14. That of white noise is 113 times as large as the noise and does so at
+           85 samples of 100; that of hum or vibration of f is smaller by (2 sin(pi f / rate))^8: 1e-4 at f = rate / 20. What
+           rounding to steps alone can make of a smooth signal does not count
 still      the same value from the first sample to the last: told as information, because nobody knows what it is
 
 Only analog kinds with a range are judged: an encoder, a counter, a digital line or a thermocouple may stand still. The work for a block
@@ -25,8 +28,13 @@ Samples = npt.NDArray[np.float64]
 _RANGED = frozenset({"voltage", "current", "acceleration", "force", "velocity", "bridge"})
 _OVER = 0.9995
 _STILL_SECONDS, _STILL_SAMPLES = 0.2, 200
-_NOISE = 200
-"""Changes of the slope's sign after which a channel is known to have noise."""
+_NOISE, _SHARE = 200, 0.2
+"""Changes of the sign of the eighth difference, and their share of the samples that move, from which on a channel is known to have noise."""
+_DIFFERENCE = 8
+_ROUNDING = 2.0 ** (_DIFFERENCE - 1)
+"""Steps that the eighth difference of a smooth signal can be by rounding: half a step times the sum of the binomials."""
+_COMPUTED = 1e-9
+"""Share of the range below which a difference is what computing in float64 leaves."""
 _FINE = 2.0**-14
 """Share of the range that the smallest step of a channel with noise may be."""
 _SPARE = 1.2
@@ -75,11 +83,12 @@ class Watch:
         self._over, self._missing, self._stuck = _Tally(count), _Tally(count), _Tally(count)
         self._largest = np.zeros(count)
         self._noise = np.zeros(count, dtype=np.int64)
+        self._moved = np.zeros(count, dtype=np.int64)
         self._step = np.full(count, math.inf)
         self._run = np.zeros(count, dtype=np.int64)
         """Samples up to now that were the same."""
-        self._last = np.full((count, 1), math.nan)
-        self._slope = np.zeros((count, 1))
+        self._before = np.full((count, _DIFFERENCE + 1), math.nan)
+        """The samples right before the next block."""
         self._start = 0
 
     def take(self, block: Samples) -> None:
@@ -92,20 +101,25 @@ class Watch:
         self._over.add(over, self._start)
         self._missing.add(~finite, self._start)
         np.maximum(self._largest, magnitude.max(axis=1, where=finite, initial=0.0), out=self._largest)
+        known = np.concatenate([self._before, block], axis=1)
         with np.errstate(invalid="ignore"):
-            steps = np.diff(block, axis=1, prepend=self._last)
-        slopes = np.concatenate([self._slope, np.sign(steps)], axis=1)
-        self._noise += np.count_nonzero(slopes[:, 1:] * slopes[:, :-1] < 0.0, axis=1)
-        lengths = np.abs(steps)
-        np.minimum(self._step, lengths.min(axis=1, where=lengths > 0.0, initial=math.inf), out=self._step)
-        self._count_still(block, over)
-        self._last, self._slope = block[:, -1:].copy(), slopes[:, -1:]
+            self._count_noise(known)
+        self._count_still(over | (block != known[:, _DIFFERENCE:-1]))
+        self._before = known[:, -_DIFFERENCE - 1 :].copy()
         self._start += block.shape[1]
 
-    def _count_still(self, block: Samples, over: npt.NDArray[np.bool_]) -> None:
+    def _count_noise(self, known: Samples) -> None:
+        self._moved += np.count_nonzero(np.abs(np.diff(known[:, _DIFFERENCE:], axis=1)) > 0.0, axis=1)
+        bends = np.diff(known, n=_DIFFERENCE, axis=1)
+        sizes, computed = np.abs(bends), _COMPUTED * self._limit[:, None]
+        # not of neighbours: those of hum are all far apart where the rate is a multiple of its frequency
+        np.minimum(self._step, sizes.min(axis=1, where=sizes > computed, initial=math.inf), out=self._step)
+        signs = np.where(sizes > np.fmax(_ROUNDING * self._step[:, None], computed), np.sign(bends), 0.0)
+        self._noise += np.count_nonzero(signs[:, 1:] * signs[:, :-1] < 0.0, axis=1)
+
+    def _count_still(self, moves: npt.NDArray[np.bool_]) -> None:
         """Count the samples of stretches that are long enough; one goes on from block to block. At the end of its range a channel is still anyhow."""
-        moves = over | (block != np.concatenate([self._last, block[:, :-1]], axis=1))
-        index = np.arange(1, block.shape[1] + 1)
+        index = np.arange(1, moves.shape[1] + 1)
         begun = np.maximum.accumulate(np.where(moves, index, 0), axis=1)
         run = np.where(begun > 0, index - begun + 1, index + self._run[:, None])
         self._run = run[:, -1]
@@ -147,7 +161,7 @@ class Watch:
 
     def _seen(self) -> dict[str, _Tally]:
         stuck = _Tally(len(self._inputs))
-        noisy = (self._noise >= _NOISE) & (self._step <= _FINE * self._limit)
+        noisy = (self._noise >= np.fmax(_NOISE, _SHARE * self._moved)) & (self._step <= _FINE * self._limit)
         stuck.count, stuck.first = np.where(noisy, self._stuck.count, 0), self._stuck.first
         return {"overload": self._over, "drop-out": stuck, "missing": self._missing}
 
@@ -175,7 +189,7 @@ class Watch:
         if not self._judged[i, 0] or self._run[i] < max(self._start, self._still):
             return ""
         entry = self._inputs[i]
-        value = f"{float(self._last[i, 0]):.6g} {_UNITS.get(entry.kind, 'V')}"
+        value = f"{float(self._before[i, -1]):.6g} {_UNITS.get(entry.kind, 'V')}"
         return f"{entry.name} was {value} from the beginning to the end; so are a sensor or a cable that are off"
 
     def _advice(self, i: int) -> str:

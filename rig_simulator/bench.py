@@ -314,6 +314,14 @@ class Bench(Flow):
                 self.start(task)
             return int(data.shape[1])
 
+    def is_done(self, task: Task) -> bool:
+        """Answer whether a task is done; one whose device has gone, or that has failed, says so."""
+        for name in dict.fromkeys(channel.device for channel in task.channels):
+            self.device(name)
+        if task.fault is not None:
+            raise DriverError(task.fault, f"Task Name: {task.name}")
+        return self.done(task)
+
     def wait(self, task: Task, timeout: float, *, cancelled: Callable[[], bool] = lambda: False) -> None:
         """Wait for the end of a task."""
         until = time.monotonic() + timeout if timeout >= 0.0 else math.inf

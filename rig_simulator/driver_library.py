@@ -211,7 +211,7 @@ class Library:
             case "TaskControl":
                 bench.control(task, a[1])
             case "IsTaskDone":
-                _put(ctypes.c_uint32, a[1], bench.done(task))
+                _put(ctypes.c_uint32, a[1], bench.is_done(task))
             case "WaitUntilTaskDone":
                 bench.wait(task, a[1])
             case "CfgSampClkTiming":

@@ -91,7 +91,7 @@ class Driver(service.NiDAQmxServicer):
 
     def IsTaskDone(self, request: Any, _: Context) -> Any:  # noqa: N802
         """Say whether a task is done."""
-        done = self._bench.done(self._bench.task(request.task.name))
+        done = self._bench.is_done(self._bench.task(request.task.name))
         return messages.IsTaskDoneResponse(is_task_done=done)
 
     def WaitUntilTaskDone(self, request: Any, context: Context) -> Any:  # noqa: N802

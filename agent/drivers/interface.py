@@ -228,13 +228,27 @@ class Driver(ABC):
         for name, direction, channel, limit, kind in asked:
             there = {entry.name: entry.ranges for entry in found if entry.direction == direction}
             if channel not in there:
-                known = ", ".join(there) or "none"
-                raise AttemptError(
-                    "unknown_channel", f"{direction} {name}: channel must be one of {known}, got {channel}"
-                )
+                raise _unknown(f"{direction} {name}", channel, [entry.name for entry in found], list(there))
             widest = max(there[channel], default=limit)
             if kind == "voltage" and limit > widest * (1 + 1e-9):
                 what = "range" if direction == "input" else "amplitude"
                 raise AttemptError(
                     "unsupported_setting", f"{direction} {name}: {what} must be at most {widest:g}, got {limit:g}"
                 )
+
+
+def _unknown(place: str, channel: str, all_: Sequence[str], known: Sequence[str]) -> AttemptError:
+    """Return the error for a channel that there is not: the device is missing, or it has others."""
+    device, slash, _ = channel.lstrip("/").partition("/")
+    devices = {name.partition("/")[0] for name in all_ if "/" in name}
+    if slash and device not in devices:
+        there = ", ".join(sorted(devices)) or "none"
+        return AttemptError(
+            "unknown_device",
+            f"{place}: device {device} of its channel {channel} must be there, the hardware has {there}",
+            remedy="plug it in and switch it on, or correct `channel` in this entry",
+        )
+    others = [name for name in known if not slash or name.startswith(f"{device}/")]
+    return AttemptError(
+        "unknown_channel", f"{place}: channel must be one of {', '.join(others) or 'none'}, got {channel}"
+    )

@@ -31,6 +31,7 @@ _CAUSES = {
     "delay": "segment",
     "frequency": "steps",
     "leakage": "window",
+    "sweep": "window",
     "not_settled": "settle",
     "resonance_bias": "segment",
     "unit": "output",

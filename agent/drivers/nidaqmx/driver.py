@@ -105,7 +105,7 @@ class Nidaqmx(Driver):
     def rest(self, output: OutputSettings, *, level: float | None = None) -> None:
         """Bring an output to its safe value, softly where it is known where it stands."""
         start = output.safe if level is None else level
-        with translated(), self._task(self._output) as task:
+        with translated(f"output {output.name} ({output.channel})"), self._task(self._output) as task:
             device = self.device_of(output.channel)
             add_output(task, output, device)
             if output.kind == "digital" or not device.ao_samp_clk_supported:

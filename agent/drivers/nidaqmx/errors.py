@@ -18,7 +18,10 @@ _GONE = ("device_gone", "the device is not there any more: check cable and power
 _OFF_LINE = ("device_gone", "the device cannot be reached over the network: check cable, power and its address")
 _ROUTE = (
     "no_route",
-    "the hardware cannot lead clock or trigger to the output: put both modules into one chassis, or set `clock` and `trigger` in [daq]",
+    (
+        "the hardware cannot lead clock or trigger to the output: put both modules into one chassis. "
+        "Where `clock` and `trigger` are set in [daq], name terminals that the device has, or leave them out"
+    ),
 )
 
 #: NI-DAQmx error -> our word, and what to do about it.

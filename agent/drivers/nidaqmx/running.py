@@ -145,14 +145,21 @@ class NidaqmxRunning(Running):
             for follower in self._followers:
                 others |= zip(follower.names, follower.read(got, patience), strict=True)
             self._read += got
-            if self._drive is not None and not self._finite:
-                behind = self._read + int(self.rate * _AHEAD) - self._written
-                if behind > 0:
-                    self._write(behind)
+        self._look_after_output()
         if not others:
             return analog[:, :got]
         rows = iter(analog[:, :got])
         return np.array([others[entry.name] if entry.name in others else next(rows) for entry in self._inputs])
+
+    def _look_after_output(self) -> None:
+        """Write what the output needs next, and hear what has become of it: a module that was pulled out says nothing by itself."""
+        if self._drive is None:
+            return
+        with translated(f"output {self._drive.output.name} ({self._drive.output.channel})"):
+            self._output.is_task_done()  # raises what has gone wrong
+            behind = self._read + int(self.rate * _AHEAD) - self._written
+            if behind > 0 and not self._finite:
+                self._write(behind)
 
     def halt(self) -> float | None:
         """Stop the drive, and return where it stands then; None when nothing is driven.

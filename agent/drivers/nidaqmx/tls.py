@@ -5,10 +5,15 @@ from __future__ import annotations
 import contextlib
 import socket
 import ssl
+from collections.abc import Iterator
+from typing import Any
 from urllib.parse import urlsplit
 
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.errors import AttemptError, SettingsError
+
+Peer = tuple[socket.AddressFamily, Any]
+"""Family of a server's address, and the address."""
 
 
 def refusal(settings: NidaqmxSettings) -> AttemptError | None:
@@ -21,21 +26,21 @@ def refusal(settings: NidaqmxSettings) -> AttemptError | None:
     """
     try:
         place = urlsplit(f"//{settings.server}")
-        address = (place.hostname or "", place.port or 0)
-        plain = socket.create_connection(address, timeout=settings.deadline)
+        host = place.hostname or ""
+        with socket.create_connection((host, place.port or 0), timeout=settings.deadline) as plain:
+            peer = (plain.family, plain.getpeername())
     except (OSError, ValueError):
         return None  # nobody is there at all
-    with plain:
-        if not settings.secure:
-            return _in_the_open(plain, settings)
-        try:
-            _shake_hands(plain, settings, settings.server_name or address[0])
-        except ssl.SSLError as error:
-            reason = getattr(error, "verify_message", "") or str(error.reason or error).lower().replace("_", " ")
-        except (OSError, SettingsError) as error:
-            reason = str(error)
-        else:
-            return None
+    if not settings.secure:
+        return _in_the_open(peer, settings)
+    try:
+        _shake_hands(peer, settings, settings.server_name or host)
+    except ssl.SSLError as error:
+        reason = getattr(error, "verify_message", "") or str(error.reason or error).lower().replace("_", " ")
+    except (OSError, SettingsError) as error:
+        reason = str(error)
+    else:
+        return None
     return AttemptError(
         "server_not_trusted",
         f"the device server {settings.server} and this PC do not accept each other's certificates: {reason}",
@@ -51,20 +56,33 @@ def _context(settings: NidaqmxSettings) -> ssl.SSLContext:
     return context
 
 
-def _shake_hands(plain: socket.socket, settings: NidaqmxSettings, name: str) -> None:
-    context = _context(settings)
+@contextlib.contextmanager
+def _secured(
+    context: ssl.SSLContext, peer: Peer, settings: NidaqmxSettings, name: str | None
+) -> Iterator[ssl.SSLSocket]:
+    """Open a connection and shake hands; it is closed however that ends.
+
+    The socket is connected after it was wrapped: Python leaves one open whose peer has gone away before it is wrapped.
+    """
+    family, address = peer
     context.set_alpn_protocols(["h2"])
-    with context.wrap_socket(plain, server_hostname=name) as secure:
+    with context.wrap_socket(socket.socket(family), server_hostname=name) as secure:
+        secure.settimeout(settings.deadline)
+        secure.connect(address)
+        yield secure
+
+
+def _shake_hands(peer: Peer, settings: NidaqmxSettings, name: str) -> None:
+    with _secured(_context(settings), peer, settings, name) as secure:
         if not secure.recv(1):  # whether the server takes our certificate is told after the handshake, or by hanging up
             shown = "the certificate of this PC" if settings.certificate else "a PC without a certificate"
             raise ConnectionAbortedError(f"the server does not take {shown}")
 
 
-def _in_the_open(plain: socket.socket, settings: NidaqmxSettings) -> AttemptError | None:
+def _in_the_open(peer: Peer, settings: NidaqmxSettings) -> AttemptError | None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE  # who it is does not matter: nothing is sent
-    context.set_alpn_protocols(["h2"])
-    with contextlib.suppress(OSError), context.wrap_socket(plain) as secure:
+    with contextlib.suppress(OSError), _secured(context, peer, settings, None) as secure:
         if secure.version():
             return AttemptError(
                 "server_not_trusted",

@@ -34,6 +34,8 @@ _MAY_BE_NONE = frozenset({"drive", "trigger"})
 """Of a template, what null takes away."""
 _SOON = timedelta(days=30)
 """Before a calibration is due, measurements say so."""
+_SAME_RATE = 0.01
+"""Share of the rate that was asked for by which that of the hardware may differ without a word."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,6 +162,7 @@ def to_wire(session: Session, repository: AcquisitionRepository, row: Acquisitio
         "job": attempts[-1].job_id,
         "attempts": [_attempt(repository, attempt) for attempt in attempts],
         "warnings": _away(session, row, rig)
+        + _other_rate(attempts[-1].facts)
         + joints(row.document, attempts[-1].facts)
         + _due(document["channels"], rig.document)
         + _seen(document["channels"], attempts[-1].facts),
@@ -206,6 +209,15 @@ def _away(session: Session, row: Acquisition, rig: Rig) -> list[dict[str, Any]]:
     told = "no agent has it" if silent is None else f"it was not for {silent.total_seconds():.0f} s"
     detail = f"the agent of {rig.name} must be heard of every {LEASE.total_seconds():g} s, {told}: the measurement waits until it is back"
     return [{"pointer": "/rig", "level": "warning", "detail": detail}]
+
+
+def _other_rate(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Say where the hardware took its samples at a rate that is not the one that was asked for."""
+    asked, had = ((facts or {}).get(name) for name in ("requested_rate", "actual_rate"))
+    if not (isinstance(asked, int | float) and isinstance(had, int | float) and abs(had - asked) > _SAME_RATE * asked):
+        return []  # facts are an agent's own, of whatever version
+    detail = f"sample_rate must be one that the hardware has: {asked:g} samples/s were asked for, it took {had:.6g}"
+    return [{"pointer": "/sample_rate", "level": "warning", "detail": detail}]
 
 
 def _due(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:

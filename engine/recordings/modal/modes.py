@@ -243,4 +243,6 @@ def _doubt(frfs: Mapping[str, Frf], fitted: Fitted, r: int) -> str:
             near = doubt.frequency is not None and abs(doubt.frequency - frequency) < 0.05 * frequency
             if doubt.kind == "resonance_bias" and near:
                 return "the lines are too far apart for this resonance: the damping ratio is read too high"
+            if doubt.kind == "sweep":
+                return "a window over a sweep or a pulse: frequency and damping ratio are off, or the mode is not there"
     return ""

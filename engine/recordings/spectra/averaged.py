@@ -26,7 +26,7 @@ import numpy as np
 from engine.exact.frequency.fourier import Complex
 from engine.model.errors import SpectrumError
 from engine.recordings.spectra.crossed import Crossed, crossed
-from engine.recordings.spectra.doubts import delay_doubts, leakage_doubts, resonance_doubts
+from engine.recordings.spectra.doubts import delay_doubts, leakage_doubts, resonance_doubts, sweep_doubts
 from engine.recordings.spectra.frf import Doubt, Frf, check_changing
 from engine.recordings.spectra.sampled import Removal, WindowKind, window_of
 from engine.recordings.spectra.stretches import Samples
@@ -80,6 +80,8 @@ def averaged_frf(
         doubts.append(Doubt(kind="averages", detail=detail))
     if window == "none":
         doubts += leakage_doubts(pairs, segment)
+    else:
+        doubts += sweep_doubts([x for x, _ in pairs if x.size >= segment], rate, segment)
     doubts += resonance_doubts(frf)
     doubts += delay_doubts(found, segment / rate)
     facts, _ = window_of(window, segment)

@@ -12,6 +12,7 @@ P. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73 (averaging, and what 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -32,12 +33,17 @@ _MOST_NUMBERS = 500_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossed:
-    """Sums over segments, lines between 0 and half the rate, both left out; ``frequency`` and ``resolution`` in rad/s."""
+    """Sums over segments, lines between 0 and half the rate, both left out; ``frequency`` and ``resolution`` in rad/s.
+
+    ``shares`` is the part of the segments that hold the input's power at a line, (Σ |X|²)² / (n Σ |X|⁴): 1 where all hold as much,
+    1/2 of noise, 1/n where one holds it all.
+    """
 
     frequency: Real
     xx: Real
     yy: Real
     xy: Complex
+    shares: Real
     averages: int
     effective_averages: float
     resolution: float
@@ -95,6 +101,7 @@ def crossed(
     step = segment - min(round(overlap * segment), segment - 1)
     lines = segment // 2 + 1
     xx, yy, xy = np.zeros(lines), np.zeros(lines), np.zeros(lines, dtype=np.complex128)
+    squares = np.zeros(lines)
     averages, effective = 0, 0.0
     for x, y in pairs:
         if x.size < segment:
@@ -106,7 +113,9 @@ def crossed(
             stretch = slice(span.start * step, (span.stop - 1) * step + segment)
             left = _lines(x[stretch], weights, step, removal)
             right = _lines(y[stretch], weights, step, removal)
-            xx += (np.abs(left) ** 2).sum(axis=0)
+            power = np.abs(left) ** 2
+            xx += power.sum(axis=0)
+            squares += (power**2).sum(axis=0)
             yy += (np.abs(right) ** 2).sum(axis=0)
             xy += (left.conj() * right).sum(axis=0)
     inside = slice(1, (segment + 1) // 2)
@@ -115,6 +124,7 @@ def crossed(
         xx=xx[inside],
         yy=yy[inside],
         xy=xy[inside],
+        shares=(xx**2 / (averages * np.where(squares > 0.0, squares, math.inf)))[inside],
         averages=averages,
         effective_averages=effective,
         resolution=2 * np.pi * rate / segment,

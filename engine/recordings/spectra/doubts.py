@@ -1,8 +1,8 @@
 """Systematic errors of an averaged frequency response function that its data give away.
 
 A resonance needs at least eight lines within its half-power width B = 2 ζ ω0, or its peak is read too low; a record that is
-neither periodic nor at rest at its ends needs a window; a delay τ between the channels costs the part τ/T of a segment; periods
-that are not like those between them (a response that has not settled) move the mean of all.
+neither periodic nor at rest at its ends needs a window; a delay τ between the channels costs the part τ/T of a segment; a sweep or
+a pulse is weighed by a window at other instants than its response; periods that are not like those between them (a response that has not settled) move the mean of all.
 
 References
 ----------
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine.exact.frequency.fourier import Complex, Real
-from engine.recordings.spectra.crossed import Crossed
+from engine.recordings.spectra.crossed import SHORTEST, Crossed, crossed
 from engine.recordings.spectra.frf import Doubt, Frf
 from engine.recordings.spectra.stretches import Samples, stretches
 
@@ -29,6 +29,9 @@ _REPEATS = 0.02  # relative difference of segments of a periodic input
 _REST = 1e-3  # of the largest value: an end that is at rest
 _LOST = 0.05  # of a segment
 _MOST = 10
+_DRIVEN = 1e-3  # of the largest power of the input: a line that it drives
+_PARTS = 4  # of a segment, in which the input is looked for
+_IN_FEW = 0.25  # of the parts: a line of noise is in half of them, that of a sweep in two or three
 _OFF = 0.001  # of H, by the first and the last period: less does not matter
 _OFF_PERHAPS = 0.005  # the same, where too few periods tell it from noise
 _CERTAINLY = 0.999  # probability of ends that are like what is between them
@@ -126,6 +129,25 @@ def delay_doubts(found: Crossed, length: float) -> list[Doubt]:
         "that part: take longer segments, or shift one channel"
     )
     return [Doubt(kind="delay", detail=detail)]
+
+
+def sweep_doubts(inputs: Sequence[Samples], rate: float, segment: int) -> list[Doubt]:
+    """Return a doubt about an input whose lines are each there for a short time of a windowed segment: a sweep, a pulse, a step.
+
+    A window weighs the response, which comes later, otherwise than such an input; of noise that is the same on average.
+    """
+    part = max(segment // _PARTS, SHORTEST)
+    found = crossed([(x, x) for x in inputs], rate, segment=part)
+    driven = found.xx > _DRIVEN * found.xx.max()
+    share = float(np.median(found.shares[driven]))
+    if share >= _IN_FEW:
+        return []
+    detail = (
+        f"the input has a line in some {share:.0%} of the time only, as a sweep, a pulse or a step: the window weighs it otherwise than the response, "
+        "which comes later, so that resonances, their damping and bounds are wrong; take the whole of it as one segment without a window, "
+        "beginning and ending at rest, or drive with noise or a multisine"
+    )
+    return [Doubt(kind="sweep", detail=detail)]
 
 
 def fading_doubts(x: Complex, y: Complex) -> list[Doubt]:

@@ -39,6 +39,10 @@ name = "nowhere"
 channel = "cDAQ1Mod1/ai7"
 range = 5.0
 [[inputs]]
+name = "absent"
+channel = "cDAQ1Mod9/ai0"
+range = 5.0
+[[inputs]]
 name = "bridge_of_a_vibration_module"
 channel = "cDAQ1Mod1/ai3"
 kind = "bridge"
@@ -62,11 +66,6 @@ name = "too_much"
 channel = "cDAQ1Mod2/ao1"
 amplitude = 12.0
 [[outputs]]
-name = "beyond"
-channel = "cDAQ1Mod2/ao1"
-amplitude = 1.0
-kind = "current"
-[[outputs]]
 name = "no_such_output"
 channel = "cDAQ1Mod2/ao5"
 amplitude = 1.0
@@ -77,9 +76,12 @@ TOLD = {
     "input too_wide": ("range must be at most 5, got 10", "correct this entry"),
     "input single_ended": ("AI.TermCfg; Requested Value: RSE; Possible Values: PSEUDO", "`wiring`"),
     "input nowhere": ("channel must be one of cDAQ1Mod1/ai0", "correct `channel`"),
+    "input absent": (
+        "device cDAQ1Mod9 of its channel cDAQ1Mod9/ai0 must be there, the hardware has cDAQ1Mod1, cDAQ1Mod2",
+        "plug it in",
+    ),
     "input bridge_of_a_vibration_module": ("-200431", "check `kind`"),
     "input microphone": ("AI.Excit.Val; Requested Value: 0.004; Possible Values: 0, 0.002", "`excitation`"),
-    "output beyond": ("must give a current, cDAQ1Mod2 does not", "correct this entry"),
     "output too_much": (
         "output too_much: amplitude must be at most 4.24, got 12: cDAQ1Mod2 gives -4.24 ... 4.24 V",
         "correct `amplitude`",
@@ -137,6 +139,22 @@ def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
     shown = checking.table(found)
     assert shown.splitlines()[-1].endswith(f"6 to be known, {len(TOLD)} fail")
     assert all(any(line.startswith(f"FAILS {what}") for line in shown.splitlines()) for what in TOLD)
+
+
+CURRENT = """
+[[outputs]]
+name = "winding"
+channel = "cDAQ1Mod2/ao1"
+amplitude = 1.0
+kind = "current"
+"""
+
+
+def test_an_output_that_gives_no_current_is_named(lab) -> None:
+    failed = of(checking.check(settings(lab, CURRENT), today=TODAY), "fails")
+    assert set(failed) == {"output winding"}
+    assert "must give a current, cDAQ1Mod2 does not" in failed["output winding"].told
+    assert "correct this entry" in failed["output winding"].remedy
 
 
 REFUSED = """
@@ -311,6 +329,19 @@ def test_a_rig_without_hardware_is_told_as_that(lab) -> None:
     assert found["hardware"]["result"] == "fails"
     assert "does not answer" in found["hardware"]["told"]
     assert "start the device server" in found["hardware"]["remedy"]
+
+
+def test_an_agent_that_cannot_bring_its_rig_to_rest_is_heard_of(lab) -> None:
+    heard: set[str] = set()
+
+    def seen_again() -> bool:
+        heard.update(rig["seen_at"] for rig in lab.client.get("/v1/rigs").json()["items"] if rig["name"] == lab.rig)
+        return len(heard) > 3
+
+    with lab.agent(settings(lab, **{"daq.server": "127.0.0.1:9", "daq.deadline": 1.0})):
+        lab.until(seen_again)
+        rig = next(rig for rig in lab.client.get("/v1/rigs").json()["items"] if rig["name"] == lab.rig)
+    assert rig["present"]
 
 
 def result_of(lab: Lab, what: str) -> str | None:

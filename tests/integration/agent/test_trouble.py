@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -51,6 +53,25 @@ def test_what_was_recorded_before_a_fault_arrives(lab, fault, code) -> None:
     assert attempt["facts"]["complete"] is False
     assert lab.level() == 0.0  # the output, on another module, is at rest
     assert lab.runs() == []
+
+
+@pytest.mark.parametrize("duration", [60, 3000])  # written whole before the start, and as it goes
+def test_an_output_that_is_pulled_out_ends_the_run_at_once(lab, duration) -> None:
+    lab.bench.speed = 1.0
+    settings = lab.settings()
+    valve = replace(settings.outputs[0], duration=math.inf)
+    with lab.agent(replace(settings, outputs=(valve,))):
+        asked = lab.ask(duration=duration)
+        _running(lab, asked)
+        lab.bench.unplug("cDAQ1Mod2")
+        lab.until(lambda: lab.get(asked)["attempts"][0]["error"] is not None)
+        lab.bench.plug("cDAQ1Mod2")  # only then can it be brought to rest
+        failed = lab.wait(asked)
+        lab.until(lambda: lab.level() == 0.0)
+    error = failed["attempts"][0]["error"]
+    assert (failed["status"], error["type"]) == ("failed", PROBLEM + "device_gone")
+    assert "cDAQ1Mod2" in error["detail"]
+    assert failed["attempts"][0]["facts"]["complete"] is False
 
 
 def test_a_wrong_device_is_not_measured_with(lab) -> None:

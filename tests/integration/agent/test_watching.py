@@ -10,7 +10,9 @@ from rig_simulator.devices import Device
 from rig_simulator.sensors import Sensor
 
 POSITION = "cDAQ1Mod1/ai1"
-LISTEN: dict[str, Any] = {"drive": None, "duration": 1.5, "pre_trigger": 0}
+SLOWEST = 51_200 / 31
+"""samples/s of an NI 9234."""
+LISTEN: dict[str, Any] = {"drive": None, "duration": 1.5, "pre_trigger": 0, "sample_rate": SLOWEST}
 
 
 def warned(done: dict[str, Any]) -> list[tuple[str, str, str]]:
@@ -57,12 +59,19 @@ def test_an_overload_and_a_broken_cable_are_told_at_once_and_kept(lab) -> None:
 
 def test_a_quiet_measurement_has_no_warnings(lab) -> None:
     with lab.agent():
-        done = lab.wait(lab.ask())
+        done = lab.wait(lab.ask(sample_rate=SLOWEST))
     assert done["warnings"] == []
     channels = done["attempts"][0]["facts"]["channels"]
     assert channels["loopback"].keys() == {"largest"}
     values = lab.samples(done["dataset"])
     assert [channels[name]["largest"] for name in ("loopback", "position")] == abs(values).max(axis=0).tolist()
+
+
+def test_a_rate_that_the_module_does_not_have_is_told(lab) -> None:
+    with lab.agent():
+        done = lab.wait(lab.ask(**LISTEN | {"sample_rate": 10}))
+    detail = "sample_rate must be one that the hardware has: 10 samples/s were asked for, it took 1651.61"
+    assert ("/sample_rate", "warning", detail) in warned(done)
 
 
 def test_a_finer_range_is_advised_where_the_module_has_one(lab) -> None:

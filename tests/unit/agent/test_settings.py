@@ -69,6 +69,10 @@ def test_the_later_one_counts(tmp_path) -> None:
         (GOOD.replace("amplitude = 5.0", ""), r"outputs\[0\].amplitude must be given"),
         (GOOD.replace("amplitude", "amplitud"), r"outputs\[0\]: setting must be one of .* got 'amplitud'"),
         (GOOD.replace("5.0", "-5.0"), "output valve: amplitude must be > 0, got -5"),
+        (
+            GOOD.replace("5.0", "5.0\nduration = 2\nsoft_start = 1\nsoft_stop = 1.5"),
+            "output valve: soft_start and soft_stop must fit into duration, 2 s, got 1 and 1.5",
+        ),
         (GOOD.replace("5.0", "5.0\nsafe = 6"), "output valve: safe must be within 5 V, got 6"),
         (GOOD.replace("sensitivity = 2", "sensitivity = 0"), "input position: sensitivity must be finite and not 0"),
         (GOOD.replace("sensitivity = 2", 'kind = "magic"'), "input position: kind must be one of voltage, "),
@@ -87,6 +91,18 @@ def test_the_later_one_counts(tmp_path) -> None:
         (
             CALIBRATED.replace("2027-03-02", "soon"),
             "position: calibration.due must be a day such as 2027-03-02, got 'soon'",
+        ),
+        (
+            CALIBRATED.replace("{due", '{calibrated_on = "2027-04-02", due'),
+            "position: calibration.due must not be before calibrated_on, 2027-04-02, got 2027-03-02",
+        ),
+        (
+            GOOD.replace("Dev1/ao0", "/dev1/AI0"),
+            "output valve: channel must be one that no other entry has, got '/dev1/AI0', which input position has",
+        ),
+        (
+            GOOD + '[[inputs]]\nname = "fine"\nchannel = "Dev1/ai0"\nrange = 0.2',
+            "input fine: channel must be one that no other entry has, got 'Dev1/ai0', which input position has",
         ),
         (CALIBRATED.replace("due", "until"), r"inputs\[0\].calibration: setting must be one of .* got 'until'"),
         (GOOD.replace("sensitivity = 2", "calibration = 3"), r"inputs\[0\].calibration must be a table, got 3"),

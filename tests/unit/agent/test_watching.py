@@ -87,6 +87,18 @@ def test_a_channel_with_noise_that_stays_the_same_has_dropped_out(cuts) -> None:
     assert seen(watched(values, cuts=cuts)) == {"drop-out": {"count": 202 + 201, "first": 3.0}}
 
 
+HUM = 2.0 * np.sin(2 * np.pi * 50.0 / RATE * np.arange(4000))
+
+
+@pytest.mark.parametrize("cuts", [[], [2999, 3000, 3001], range(3, 4000, 4)])
+@pytest.mark.parametrize("bits", [16, 24])
+def test_noise_is_seen_beneath_hum(cuts, bits) -> None:
+    step = 20.0 / 2**bits
+    values = step * np.round((HUM + noise(rms=5 * step)) / step)
+    values[3000:] = 0.0  # the cable breaks
+    assert seen(watched(values, cuts=cuts)) == {"drop-out": {"count": 1000, "first": 3.0}}
+
+
 def test_stretches_are_counted_as_one_would_by_hand() -> None:
     rng = np.random.default_rng(7)
     for _ in range(30):
@@ -106,11 +118,18 @@ def test_stretches_are_counted_as_one_would_by_hand() -> None:
         assert found == expected
 
 
+SETTLING = np.cos(2 * np.pi * 21.7 / RATE * np.arange(6000)) * np.exp(-np.arange(6000) / 250.0)
+"""A vibration that comes to rest."""
+
+
 @pytest.mark.parametrize(
     "values",
     [
         np.zeros(5000),  # at rest from the beginning: without noise nobody can tell
         np.concatenate([np.sin(np.arange(3000) / 50), np.zeros(1000)]),  # a simulation without noise
+        np.concatenate([HUM[:3000], np.zeros(1000)]),
+        SETTLING,
+        np.concatenate([2.0**-20 * np.round(2.0**20 * SETTLING), np.zeros(1000)]),  # to a converter's steps: no noise
         np.concatenate([np.round(noise(4000, rms=0.5), 2), np.zeros(1000)]),  # few digits, or a converter of few bits
         np.concatenate([noise(4000), np.full(199, 0.1), noise(10)]),  # too short
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -155,6 +156,41 @@ def test_segments_without_a_window_leak_unless_they_are_periods_or_at_rest() -> 
     assert "leakage" not in kinds(np.tile(pulse, 3), 4096)
     assert "leakage" not in kinds(pulse, 4096)
     assert "leakage" in kinds(noise(12, 4096), 4096)
+
+
+SILENT = np.zeros(int(RATE))
+SWEEP = np.concatenate([SILENT, signal.chirp(np.arange(int(8 * RATE)) / RATE, 5, 8, 100), SILENT])
+
+
+@pytest.mark.parametrize("segment", [2048, 8192, SWEEP.size])
+def test_a_window_over_a_sweep_is_doubted(segment: int) -> None:
+    kinds = [doubt.kind for doubt in averaged_frf([(SWEEP, PLANT.drive(SWEEP))], RATE, segment=segment).doubts]
+    assert "sweep" in kinds
+
+
+def test_a_whole_sweep_without_a_window_is_exact_and_a_part_of_it_under_a_window_is_not() -> None:
+    plant = Plant(damping=0.1)
+    y = plant.drive(SWEEP)
+
+    def error(**settings: Any) -> float:
+        found = averaged_frf([(SWEEP, y)], RATE, **settings)
+        band = (found.frequency > HZ * 10) & (found.frequency < HZ * 90)
+        return float(np.abs(found.value / plant.response(found.frequency) - 1)[band].max())
+
+    whole = averaged_frf([(SWEEP, y)], RATE, segment=SWEEP.size, window="none", removal="nothing")
+    assert [doubt.kind for doubt in whole.doubts] == ["averages"]
+    assert error(segment=SWEEP.size, window="none", removal="nothing") < 1e-6
+    assert error(segment=SWEEP.size) > 0.02
+    assert error(segment=4096) > 0.02
+
+
+@pytest.mark.parametrize("segment", [512, 4096, 20_480])
+def test_noise_and_random_sequences_under_a_window_are_not_doubted(segment: int) -> None:
+    held = np.sign(noise(31, 4096))[np.arange(40_960) // 10]
+    half = np.where(np.arange(40_960) % 8192 < 4915, noise(32, 40_960), 0.0)
+    for x in (noise(30, 40_960), held, half):
+        kinds = [doubt.kind for doubt in averaged_frf([(x, 2 * x)], RATE, segment=segment).doubts]
+        assert "sweep" not in kinds
 
 
 def test_a_delay_that_is_long_beside_a_segment_is_named() -> None:
