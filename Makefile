@@ -160,7 +160,7 @@ lock: setup  ## resolve the newest versions that our declarations allow into req
 	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,$(DISTRIBUTIONS)) --all-extras --group demo --group bench --group docs --group dev \
 		--upgrade $(LOCKED) --output-file requirements.lock
 	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,distributions/servotune distributions/servotune-server) \
-		$(addprefix --extra ,convex formats interop pareto telemetry) --constraint requirements.lock $(LOCKED) --output-file requirements-image.lock
+		$(addprefix --extra ,convex formats interop objects pareto telemetry) --constraint requirements.lock $(LOCKED) --output-file requirements-image.lock
 
 clean:  ## remove the environment, caches and what the demo wrote
 	@rm -rf $(VENV) api/site .cache dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -16,6 +16,8 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from storage.objects import ADDRESS, ObjectStore
+
 _KEY_BYTES = 32
 
 
@@ -35,6 +37,8 @@ class Settings(BaseSettings):
 
     database_url: str = Field(default="sqlite:///./servotune.db", repr=False)
     direct_database_url: str | None = Field(default=None, repr=False)
+    blob_store: Literal["database", "objects"] = "database"
+    object_store: str | None = Field(default=None, pattern=ADDRESS, validate_default=True)
     bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200, repr=False)
     public_url: str | None = Field(default=None, pattern="^https?://[^/?#]+/?$")
     sign_in_hours: float = Field(default=12.0, gt=0, le=8760)
@@ -72,6 +76,14 @@ class Settings(BaseSettings):
     log_format: Literal["text", "json"] = "text"
     otlp_endpoint: str | None = Field(default=None, pattern="^https?://[^?#]+$")
 
+    @field_validator("object_store", mode="before")
+    @classmethod
+    def _there(cls, address: str | None, given: ValidationInfo) -> str | None:
+        address = address or None  # as compose files give it
+        if address is None and given.data.get("blob_store") == "objects":
+            raise ValueError("an address must be given with SERVOTUNE_BLOB_STORE=objects, got none")
+        return address
+
     @field_validator("oidc_roles")
     @classmethod
     def _complete(cls, roles: dict[str, Role], given: ValidationInfo) -> dict[str, Role]:
@@ -102,6 +114,11 @@ class Settings(BaseSettings):
     def secret_keys(self) -> tuple[str, ...]:
         """The keys that encrypt (the first one) and decrypt secrets in the database."""
         return _keys_of(self.secret_key)
+
+    @property
+    def objects(self) -> ObjectStore | None:
+        """Where blobs may lie beside the database."""
+        return ObjectStore(self.object_store, preferred=self.blob_store == "objects") if self.object_store else None
 
     @property
     def job_plan(self) -> float:

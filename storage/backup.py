@@ -27,6 +27,7 @@ from storage.copying import Content, Tell, copy, require_empty, snapshot
 from storage.errors import CopyError
 from storage.models import Base
 from storage.models.base import utc_now
+from storage.objects import ObjectStore
 from storage.session import Database, open_database
 
 FORMAT = 1
@@ -102,8 +103,8 @@ def read_manifest(path: Path) -> Manifest:
     return manifest
 
 
-def verify(path: Path) -> tuple[Manifest, Findings]:
-    """Return what a backup says of itself, and whether it holds just that; no file is changed.
+def verify(path: Path, *, objects: ObjectStore | None = None) -> tuple[Manifest, Findings]:
+    """Return what a backup says of itself, and whether it holds just that, with what it names in the object store; no file is changed.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def verify(path: Path) -> tuple[Manifest, Findings]:
     if faults:
         return manifest, Findings(blobs=0, bytes=0, faults=faults)
     with _current_copy(path, manifest) as database:
-        return manifest, check(database.engine)
+        return manifest, check(database.engine, objects=objects)
 
 
 def restore(path: Path, target: Database, *, tell: Tell = lambda _table, _rows: None) -> dict[str, Content]:
@@ -131,7 +132,7 @@ def restore(path: Path, target: Database, *, tell: Tell = lambda _table, _rows: 
         require_empty(connection)
     _require_whole(_altered(path, manifest))
     with _current_copy(path, manifest) as database:
-        _require_whole(check(database.engine).faults)
+        _require_whole(check(database.engine, objects=target.objects).faults)
         with snapshot(database.engine) as source, target.engine.begin() as connection:
             return copy(source, connection, tell=tell)
 

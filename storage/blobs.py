@@ -1,6 +1,7 @@
-"""Bytes and arrays kept once, under the SHA-256 of their content, in the database itself.
+"""Bytes and arrays kept once, under the SHA-256 of their content: the one door to them, wherever they lie.
 
-Content is cut into chunks of at most 8 MiB, each compressed as `storage.packing` says.
+Content is cut into chunks of at most 8 MiB, each compressed as `storage.packing` says. Heads and places of chunks are rows of the
+database; the bytes lie in these rows, or in the object store of the session (`storage.objects`). Either is read whatever is preferred.
 """
 
 from __future__ import annotations
@@ -8,19 +9,20 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import CursorResult, Table, delete, exists, func, select, update
+from sqlalchemy import CursorResult, Row, Table, delete, exists, func, select, update
 from sqlalchemy.orm import Session
 
-from storage.errors import ChecksumError, NotFoundError
+from storage.errors import ChecksumError, DamagedBlobError, NotFoundError, ObjectStoreError
 from storage.insertion import insert_if_absent
 from storage.models import Blob, BlobChunk
 from storage.models.base import Base, utc_now
+from storage.objects import ObjectStore
 from storage.packing import decode, encode
 
 #: The most bytes of content in one chunk.
@@ -52,9 +54,18 @@ def put_bytes(session: Session, data: bytes, *, expected_sha256: str | None = No
     sha256 = sha256_of(data)
     if expected_sha256 is not None and sha256 != expected_sha256:
         raise ChecksumError("the content", expected=expected_sha256, actual=sha256)
-    if _is_new(session, sha256, len(data)):
-        put_chunks(session, [packed(data, itemsize=itemsize, sha256=sha256)])
+    content = packed(data, itemsize=itemsize, sha256=sha256)
+    put_packed(session, without_those_kept(session, [content]))
     return sha256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chunk:
+    """A piece as it is kept: how it was compressed, and its bytes or the name under which they lie in the object store."""
+
+    encoding: str
+    data: bytes
+    object: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,28 +74,82 @@ class Packed:
 
     sha256: str
     size: int
-    chunks: Sequence[tuple[str, bytes]]
+    chunks: Sequence[Chunk]
 
 
 def packed(data: bytes, *, itemsize: int = 1, sha256: str | None = None) -> Packed:
     """Compress ``data``, whose SHA-256 may be known."""
     pieces = (data[start : start + CHUNK_SIZE] for start in range(0, len(data), CHUNK_SIZE))
-    chunks = [encode(piece, itemsize) for piece in pieces]
+    chunks = [Chunk(encoding=encoding, data=encoded) for encoding, encoded in (encode(it, itemsize) for it in pieces)]
     return Packed(sha256=sha256 or sha256_of(data), size=len(data), chunks=chunks)
+
+
+def packed_array(array: Array) -> Packed:
+    """Compress an array of numbers in numpy's own format (no pickle).
+
+    Raises
+    ------
+    ValueError
+        When the array holds Python objects.
+    """
+    buffer = io.BytesIO()
+    np.save(buffer, np.ascontiguousarray(array) if array.ndim else array, allow_pickle=False)
+    return packed(buffer.getvalue(), itemsize=array.itemsize)
+
+
+def brought(store: ObjectStore | None, contents: Sequence[Packed]) -> list[Packed]:
+    """Return contents with what is to lie in the object store brought there, side by side; to be done before a transaction begins.
+
+    Raises
+    ------
+    ObjectStoreError
+        When the store cannot take them.
+    """
+    if store is None or not store.preferred:
+        return list(contents)
+    names = iter(store.put([chunk.data for content in contents for chunk in content.chunks if chunk.object is None]))
+    return [
+        replace(
+            content,
+            chunks=[
+                chunk if chunk.object else replace(chunk, data=b"", object=next(names)) for chunk in content.chunks
+            ],
+        )
+        for content in contents
+    ]
+
+
+def without_those_kept(session: Session, contents: Sequence[Packed]) -> list[Packed]:
+    """Return contents, each once, as `brought` does, those that are kept already as they are: nobody asks for their chunks."""
+    store = store_of(session)
+    if store is None or not store.preferred or not contents:
+        return list(contents)
+    there = set(session.scalars(select(Blob.sha256).where(Blob.sha256.in_([content.sha256 for content in contents]))))
+    once = {content.sha256: content for content in contents}
+    new = brought(store, [content for content in once.values() if content.sha256 not in there])
+    return [content for content in once.values() if content.sha256 in there] + new
+
+
+def store_of(session: Session) -> ObjectStore | None:
+    """Return the object store beside the database of a session, if there is one."""
+    store: ObjectStore | None = session.info.get("objects")
+    return store
 
 
 def put_packed(session: Session, contents: Sequence[Packed]) -> None:
     """Keep several contents, each unless it is there already; in one order, so that two writers never wait in a ring."""
     ordered = sorted({content.sha256: content for content in contents}.values(), key=lambda content: content.sha256)
-    put_chunks(session, [content for content in ordered if _is_new(session, content.sha256, content.size)])
-
-
-def put_chunks(session: Session, contents: Sequence[Packed]) -> None:
-    """Write the chunks of blobs whose heads have just been written."""
+    new = [content for content in ordered if _is_new(session, content.sha256, content.size)]
     rows = [
-        {"sha256": content.sha256, "number": number, "encoding": encoding, "data": data}
-        for content in contents
-        for number, (encoding, data) in enumerate(content.chunks)
+        {
+            "sha256": content.sha256,
+            "number": number,
+            "encoding": chunk.encoding,
+            "data": chunk.data,
+            "object": chunk.object,
+        }
+        for content in brought(store_of(session), new)
+        for number, chunk in enumerate(content.chunks)
     ]
     if rows:
         session.execute(cast("Table", BlobChunk.__table__).insert(), rows)
@@ -152,10 +217,58 @@ def iterate_bytes(session: Session, sha256: str) -> Iterator[bytes]:
     if size is None:
         raise NotFoundError("blob", sha256)
     for number in range(-(-size // CHUNK_SIZE)):
-        row = session.execute(
-            select(BlobChunk.encoding, BlobChunk.data).where(BlobChunk.sha256 == sha256, BlobChunk.number == number)
-        ).one()
-        yield decode(row.encoding, row.data, min(CHUNK_SIZE, size - number * CHUNK_SIZE))
+        row = session.execute(select(*PLACE).where(BlobChunk.sha256 == sha256, BlobChunk.number == number)).one()
+        (data,) = encoded(session, [row])
+        yield decode(row.encoding, data, min(CHUNK_SIZE, size - number * CHUNK_SIZE))
+
+
+#: What `encoded` must know of a chunk.
+PLACE = (BlobChunk.sha256, BlobChunk.number, BlobChunk.encoding, BlobChunk.data, BlobChunk.object)
+
+
+def encoded(session: Session, rows: Sequence[Row[*tuple[Any, ...]]]) -> list[bytes]:
+    """Return the bytes of chunks as they are kept, from wherever they lie, those of the object store side by side.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        With the columns of `PLACE`.
+
+    Raises
+    ------
+    ObjectStoreError
+        When the store does not answer, or is not known here.
+    DamagedBlobError
+        When it has lost one of them, or gives other bytes than were kept.
+    """
+    names = [row.object for row in rows if row.object is not None]
+    try:
+        found = iter(fetched(store_of(session), names))
+        return [row.data if row.object is None else next(found) for row in rows]
+    except DamagedBlobError:
+        again = _looked_up(session, rows)
+        if [row.object for row in again] == [row.object for row in rows]:
+            raise
+        return encoded(session, again)  # they were moved meanwhile
+
+
+def _looked_up(session: Session, rows: Sequence[Row[*tuple[Any, ...]]]) -> list[Row[*tuple[Any, ...]]]:
+    """Return rows of chunks as they are now, past this session: on SQLite it sees what was there when it began to read."""
+    with Session(session.get_bind()) as now:
+        return [
+            now.execute(
+                select(*PLACE).where(BlobChunk.sha256 == row.sha256, BlobChunk.number == row.number)
+            ).one_or_none()
+            or row
+            for row in rows
+        ]
+
+
+def fetched(store: ObjectStore | None, names: Sequence[str]) -> list[bytes]:
+    """Return what lies under these names in the object store; raises as `encoded` does."""
+    if names and store is None:
+        raise ObjectStoreError("the blob lies in an object store: SERVOTUNE_OBJECT_STORE must name it, got none")
+    return store.get(names) if store is not None and names else []
 
 
 def get_bytes(session: Session, sha256: str) -> bytes:
@@ -177,9 +290,9 @@ def put_array(session: Session, array: Array) -> str:
     ValueError
         When the array holds Python objects.
     """
-    buffer = io.BytesIO()
-    np.save(buffer, np.ascontiguousarray(array) if array.ndim else array, allow_pickle=False)
-    return put_bytes(session, buffer.getvalue(), itemsize=array.itemsize)
+    content = packed_array(array)
+    put_packed(session, without_those_kept(session, [content]))
+    return content.sha256
 
 
 def get_array(session: Session, ref: str) -> Array:

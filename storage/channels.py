@@ -9,15 +9,18 @@ A level exists when the one below has at least 16 cells. Missing samples (NaN) a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import delete, select
+from sqlalchemy import Row, Select, delete, insert, select
 from sqlalchemy.orm import Session
 
-from storage.blobs import put_bytes
+from storage.blobs import PLACE, Packed, encoded, packed, put_packed, without_those_kept
 from storage.errors import NotFoundError
 from storage.models import Blob, BlobChunk, ChannelBlock
 from storage.packing import decode
@@ -27,6 +30,8 @@ from storage.postgres import in_pieces
 FACTOR = 16
 #: Cells in one block, the unit of reading; as one chunk of its blob.
 BLOCK = 32768
+#: Blocks that are written together, each of 256 or 512 KiB before compression.
+BATCH = 64
 #: Blocks that are in memory at a time while a channel is read.
 _AHEAD = 8
 
@@ -57,9 +62,17 @@ def write_channels(session: Session, dataset_id: str, blocks: Iterable[Float], *
     """
     session.execute(delete(ChannelBlock).where(ChannelBlock.dataset_id == dataset_id))
 
+    waiting: list[tuple[dict[str, Any], Packed]] = []
+
     def put(channel: int, level: int, number: int, cells: Float) -> None:
-        sha256 = put_bytes(session, cells.tobytes(), itemsize=8)
-        session.add(ChannelBlock(dataset_id=dataset_id, channel=channel, level=level, number=number, sha256=sha256))
+        place = {"dataset_id": dataset_id, "channel": channel, "level": level, "number": number}
+        waiting.append((place, packed(cells.tobytes(), itemsize=8)))
+        if len(waiting) >= BATCH:
+            write()
+
+    def write() -> None:
+        write_blocks(session, waiting, without_those_kept(session, [content for _, content in waiting]))
+        waiting.clear()
 
     cutters = [ChannelCutter(channel, put) for channel in range(channel_count)]
     count = 0
@@ -71,8 +84,16 @@ def write_channels(session: Session, dataset_id: str, blocks: Iterable[Float], *
         count += len(block)
     for cutter in cutters:
         cutter.close()
-    session.flush()
+    write()
     return count
+
+
+def write_blocks(session: Session, blocks: Sequence[tuple[dict[str, Any], Packed]], contents: Sequence[Packed]) -> None:
+    """Write blocks (their places and contents) whose contents are ready to be kept."""
+    put_packed(session, contents)
+    rows = [{**place, "sha256": content.sha256} for place, content in blocks]
+    if rows:
+        session.execute(insert(ChannelBlock), rows)
 
 
 Put = Callable[[int, int, int, Float], None]
@@ -208,7 +229,7 @@ class ChannelReader:
         if first == last:
             return cells
         wanted = (
-            select(ChannelBlock.number, Blob.size, BlobChunk.encoding, BlobChunk.data)
+            select(ChannelBlock.number.label("block"), Blob.size, *PLACE)
             .join(Blob, Blob.sha256 == ChannelBlock.sha256)
             .join(BlobChunk, BlobChunk.sha256 == ChannelBlock.sha256)
             .where(
@@ -220,9 +241,9 @@ class ChannelReader:
             .order_by(ChannelBlock.number)
         )
         end = first
-        for row in in_pieces(self._session, wanted, size=_AHEAD):
-            offset = row.number * BLOCK
-            block = np.frombuffer(decode(row.encoding, row.data, row.size), dtype=np.float64).reshape(rows, -1)
+        for row, data in self._contents(wanted):
+            offset = row.block * BLOCK
+            block = np.frombuffer(decode(row.encoding, data, row.size), dtype=np.float64).reshape(rows, -1)
             if not offset <= end < offset + block.shape[1]:
                 continue  # one before it is missing, as is told below
             stop = min(offset + block.shape[1], last)
@@ -232,6 +253,12 @@ class ChannelReader:
             place = f"channel {self._channel}, level {level}, cell {end}"
             raise NotFoundError("block of", f"{self._dataset_id}, {place}")
         return cells
+
+    def _contents(self, wanted: Select[*tuple[Any, ...]]) -> Iterator[tuple[Row[*tuple[Any, ...]], bytes]]:
+        """Give the rows of blocks with their bytes as they are kept, some in memory at a time."""
+        with closing(in_pieces(self._session, wanted, size=_AHEAD)) as found:
+            while some := list(islice(found, _AHEAD)):
+                yield from zip(some, encoded(self._session, some), strict=True)
 
     def _check(self, start: int, stop: int) -> None:
         if not 0 <= start <= stop <= self._count:

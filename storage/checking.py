@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection, Engine, func, select
 
-from storage.blobs import CHUNK_SIZE
+from storage.blobs import CHUNK_SIZE, PLACE, fetched
 from storage.copying import snapshot
+from storage.errors import DamagedBlobError
 from storage.models import Blob, BlobChunk
+from storage.objects import ObjectStore
 from storage.packing import DAMAGED, decode
 
 #: Faults that are told one by one; the rest is counted.
@@ -29,8 +31,8 @@ class Findings:
     faults: tuple[str, ...]
 
 
-def check(engine: Engine, *, tell: Tell = lambda _done, _all: None) -> Findings:
-    """Read everything once; the database may be in use."""
+def check(engine: Engine, *, objects: ObjectStore | None = None, tell: Tell = lambda _done, _all: None) -> Findings:
+    """Read everything once, also what lies in the object store; the database may be in use."""
     faults: list[str] = []
     with snapshot(engine) as connection:
         if engine.dialect.name == "sqlite":
@@ -41,7 +43,7 @@ def check(engine: Engine, *, tell: Tell = lambda _done, _all: None) -> Findings:
         read = 0
         heads = connection.execute(select(Blob.sha256, Blob.size).order_by(Blob.sha256)).all()
         for number, head in enumerate(heads, start=1):
-            faults += _blob(connection, head.sha256, head.size)
+            faults += _blob(connection, head.sha256, head.size, objects)
             read += head.size
             tell(number, count)
     if len(faults) > MOST_TOLD:
@@ -57,15 +59,19 @@ def _pages(connection: Connection) -> Iterator[str]:
         yield f"row {row} of table {table} refers to a row of {parent} that is not there"
 
 
-def _blob(connection: Connection, sha256: str, size: int) -> Iterator[str]:
-    chunks = select(BlobChunk).where(BlobChunk.sha256 == sha256).order_by(BlobChunk.number)
+def _blob(connection: Connection, sha256: str, size: int, objects: ObjectStore | None) -> Iterator[str]:
+    chunks = select(*PLACE).where(BlobChunk.sha256 == sha256).order_by(BlobChunk.number)
     whole, length = hashlib.sha256(), 0
     try:
         with connection.execution_options(yield_per=1).execute(chunks) as rows:
             for row in rows:
-                piece = decode(row.encoding, row.data, min(CHUNK_SIZE, size - row.number * CHUNK_SIZE))
+                (data,) = (row.data,) if row.object is None else fetched(objects, [row.object])
+                piece = decode(row.encoding, data, min(CHUNK_SIZE, size - row.number * CHUNK_SIZE))
                 whole.update(piece)
                 length += len(piece)
+    except DamagedBlobError as error:
+        yield f"blob {sha256} cannot be read: {error}"
+        return
     except DAMAGED as error:
         yield f"blob {sha256} cannot be unpacked: {error}"
         return

@@ -9,6 +9,8 @@
     │   └── LeaseLostError        a rig's job is not this agent's any more
     │       └── CancelledError    because a person has cancelled it
     ├── ChecksumError             bytes that are not what they claim to be
+    ├── ObjectStoreError          a store of blobs that cannot do its work now
+    ├── DamagedBlobError          a blob that is not what was kept, or is gone
     ├── MissingSegmentsError      a manifest that names segments never received
     ├── DocumentError             a document that is no JSON
     ├── InvalidCursorError        a page cursor that this list did not hand out
@@ -30,16 +32,15 @@ from typing import ClassVar
 from sqlalchemy.exc import DontWrapMixin, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-#: What the driver raises when the database cannot be reached, is full, locked or read-only.
-UNAVAILABLE: tuple[type[Exception], ...] = (OperationalError, InterfaceError, PoolTimeoutError)
-
 #: What Postgres says of a server that only reads, of a full disk, and of a transaction that was left alone for too long; SQLite's
 #: numbers are in its module.
 _READ_ONLY, _DISK_FULL, _LEFT_ALONE = "25006", "53100", "25P03"
 
 
 def why_unavailable(error: Exception) -> str:
-    """Return a clause that says why the database could not do its work, without anything of what it was."""
+    """Return a clause that says why the database, or the store of blobs, could not do its work, without anything of what it was."""
+    if isinstance(error, ObjectStoreError):
+        return error.message
     cause = getattr(error, "orig", None)
     state, code = getattr(cause, "sqlstate", None), getattr(cause, "sqlite_errorcode", 0) & 0xFF
     if state == _READ_ONLY or code == sqlite3.SQLITE_READONLY:
@@ -62,6 +63,18 @@ class StorageError(Exception):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.message = message
+
+
+class ObjectStoreError(StorageError, DontWrapMixin):
+    """The store of blobs cannot be reached, is full, or lets nobody in."""
+
+
+class DamagedBlobError(StorageError):
+    """A blob that the object store has lost, or gives as something else."""
+
+
+#: What is raised when the database cannot be reached, is full, locked or read-only, or the object store.
+UNAVAILABLE: tuple[type[Exception], ...] = (OperationalError, InterfaceError, PoolTimeoutError, ObjectStoreError)
 
 
 class VaultError(StorageError):

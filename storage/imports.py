@@ -13,13 +13,13 @@ from datetime import datetime
 from types import TracebackType
 from typing import Any, Self
 
-from sqlalchemy import CursorResult, Select, delete, insert, select, update
+from sqlalchemy import CursorResult, Select, delete, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
-from storage.blobs import Packed, packed, put_packed
-from storage.channels import ChannelCutter, Float
+from storage.blobs import Packed, brought, packed
+from storage.channels import BATCH, ChannelCutter, Float, write_blocks
 from storage.errors import StateError
 from storage.ids import new_id
 from storage.lineage import remember
@@ -32,9 +32,7 @@ RAW = "raw"
 PROCESSED = "processed"
 """The format of recordings that were made from others."""
 
-#: Blocks that are written in one transaction, each of 256 or 512 KiB before compression.
-_BATCH = 64
-#: Threads that compress; both compression and checksum leave the interpreter to others.
+#: Threads that compress, and bring blocks to the object store; both compression and checksum leave the interpreter to others.
 _THREADS = 2
 
 
@@ -151,22 +149,22 @@ class Import:
 
     def _put(self, channel: int, level: int, number: int, cells: Float) -> None:
         place = {"dataset_id": self._identifier, "channel": channel, "level": level, "number": number}
-        self._waiting.append((place, self._pool.submit(packed, cells.tobytes(), itemsize=8)))
-        if len(self._waiting) >= 2 * _BATCH:
+        self._waiting.append((place, self._pool.submit(self._packed, cells.tobytes())))
+        if len(self._waiting) >= 2 * BATCH:
             self._write()
 
     def _write(self) -> None:
         """Write the oldest blocks that wait."""
-        batch = [self._waiting.popleft() for _ in range(min(_BATCH, len(self._waiting)))]
+        batch = [self._waiting.popleft() for _ in range(min(BATCH, len(self._waiting)))]
         contents = [content.result() for _, content in batch]
         with self._database.session() as session:
             self._claim(session, DatasetStatus.PARSING, held_by=self._token)
             quotas.check_bytes(session, self._workspace_id, self._bytes)
-            put_packed(session, contents)
-            session.execute(
-                insert(ChannelBlock),
-                [{**place, "sha256": content.sha256} for (place, _), content in zip(batch, contents, strict=True)],
-            )
+            write_blocks(session, [(place, content.result()) for place, content in batch], contents)
+
+    def _packed(self, samples: bytes) -> Packed:
+        (content,) = brought(self._database.objects, [packed(samples, itemsize=8)])
+        return content
 
     def _claim(self, session: Session, status: DatasetStatus, *, held_by: str | None = None, **values: Any) -> None:
         """Write to the dataset's row, which locks it; refuse when it is not (or no longer) this import's."""

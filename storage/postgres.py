@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 import select
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from functools import partial
 from typing import Any
 
@@ -61,7 +61,7 @@ def take_time(connection: Connection) -> None:
         connection.exec_driver_sql("SET LOCAL idle_in_transaction_session_timeout = 0")
 
 
-def in_pieces(session: Session, rows: Select[*tuple[Any, ...]], *, size: int) -> Iterator[Row[*tuple[Any, ...]]]:
+def in_pieces(session: Session, rows: Select[*tuple[Any, ...]], *, size: int) -> Generator[Row[*tuple[Any, ...]]]:
     """Give the rows of a long selection, ``size`` of them in memory at a time.
 
     On Postgres that takes a cursor of the server's, and this a transaction, which ends with the last row unless it was begun before:

@@ -26,6 +26,7 @@ from sqlalchemy.pool import ConnectionPoolEntry
 
 from storage.clock import JumpDetector, shared_now
 from storage.errors import DatabaseUrlError, DocumentError, is_refusal
+from storage.objects import ObjectStore
 from storage.postgres import use_sparingly
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
@@ -51,6 +52,8 @@ class Database:
     sessions: sessionmaker[Session]
     #: Whether a pooler in front of Postgres lends connections for one transaction at a time: nobody can listen then, or lock for a session.
     pooled: bool = False
+    #: Where blobs may lie beside the database.
+    objects: ObjectStore | None = None
     _closed: threading.Event = field(default_factory=threading.Event, repr=False)
 
     def __post_init__(self) -> None:
@@ -116,7 +119,7 @@ class Database:
             entry.close()
 
 
-def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
+def open_database(url: str, *, connections: int = CONNECTIONS, objects: ObjectStore | None = None) -> Database:
     """Open a database without touching it; tables appear with `Database.migrate`.
 
     Parameters
@@ -126,6 +129,8 @@ def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
         pooler that lends connections for one transaction at a time.
     connections : int
         The most that are open at a time.
+    objects : ObjectStore, optional
+        Where blobs may lie beside the database.
 
     Raises
     ------
@@ -147,8 +152,9 @@ def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,
-        sessions=sessionmaker(engine, expire_on_commit=False, info={"jumps": JumpDetector()}),
+        sessions=sessionmaker(engine, expire_on_commit=False, info={"jumps": JumpDetector(), "objects": objects}),
         pooled=pooled,
+        objects=objects,
     )
 
 

@@ -149,7 +149,7 @@ def _lifespan(
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        database = open_database(chosen.database_url, connections=_connections(siblings))
+        database = open_database(chosen.database_url, connections=_connections(siblings), objects=chosen.objects)
         queue = JobQueue(database)
         service = Installation(
             settings=chosen,

@@ -1,4 +1,4 @@
-"""`servotune backup`, `restore`, `check`, `move`: what whoever runs an installation does with its database."""
+"""`servotune backup`, `restore`, `check`, `move`, `move-blobs`: what whoever runs an installation does with its database."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from api.runtime.arguments import parser_of
 
 if TYPE_CHECKING:
     from storage.checking import Findings
+    from storage.objects import ObjectStore
     from storage.session import Database
 
 #: s; a worker that was seen later may write at any moment.
@@ -41,9 +42,10 @@ def backup(argv: Sequence[str]) -> int:
     from storage import backup as backups
     from storage.copying import total
 
-    with _speaking(), _database(read_settings().database_url, there=True) as database:
+    settings = read_settings()
+    with _speaking(), _database(settings.database_url, there=True) as database:
         copied = backups.make(database, given.file, version=version("servotune"), tell=_progress)
-        _manifest, findings = backups.verify(given.file)
+        _manifest, findings = backups.verify(given.file, objects=settings.objects)
         if findings.faults:
             return _tell_faults(findings, what=str(given.file))
         size = given.file.stat().st_size
@@ -75,7 +77,8 @@ def restore(argv: Sequence[str]) -> int:
 
     with _speaking():
         manifest = backups.read_manifest(given.file)
-        with _database(read_settings().database_url) as database:
+        settings = read_settings()
+        with _database(settings.database_url, objects=settings.objects) as database:
             database.migrate()
             copied = backups.restore(given.file, database, tell=_progress)
             waiting = _requeue(database)
@@ -105,15 +108,16 @@ def check(argv: Sequence[str]) -> int:
     from storage.checking import check as look
 
     with _speaking():
+        settings = read_settings()
         if given.file is not None:
-            manifest, findings = backups.verify(given.file)
+            manifest, findings = backups.verify(given.file, objects=settings.objects)
             what = f"{given.file} ({manifest.created_at:%Y-%m-%d %H:%M} UTC, version {manifest.version})"
         else:
-            with _database(read_settings().database_url, there=True) as database:
+            with _database(settings.database_url, there=True) as database:
                 if not database.is_current():
                     _complain("the database is not as this version needs it: `servotune serve` migrates it")
                     return 1
-                findings, what = look(database.engine), "the database"
+                findings, what = look(database.engine, objects=settings.objects), "the database"
         return _tell_faults(findings, what=what)
 
 
@@ -164,13 +168,52 @@ def move(argv: Sequence[str]) -> int:
         return 0
 
 
+def move_blobs(argv: Sequence[str]) -> int:
+    """Move samples, originals and arrays between the database and the object store; the service may run.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code; 1 when some were written to the old side meanwhile.
+    """
+    parser = parser_of(
+        "move-blobs",
+        "Move all blobs (samples, originals, arrays of results) into the object store of SERVOTUNE_OBJECT_STORE, or back into "
+        "the database, each read back and verified. The service may run; stopped in the middle, the command goes on when "
+        "it is started again.",
+    )
+    parser.add_argument("to", choices=["objects", "database"], help="where they are to lie")
+    given = parser.parse_args(argv)
+
+    from storage.moving import move as bring
+
+    with _speaking():
+        settings = read_settings()
+        with _database(settings.database_url, there=True, objects=settings.objects) as database:
+            moved = bring(
+                database, to_objects=given.to == "objects", tell=lambda chunks, _: _progress("chunks", chunks)
+            )
+        _say(f"{moved.chunks} chunks with {moved.bytes} bytes moved and verified")
+        if moved.left:
+            _complain(
+                f"{moved.left} chunks were written to the old side meanwhile: start the service and its workers with "
+                f"SERVOTUNE_BLOB_STORE={given.to}, then this command again"
+            )
+        return 1 if moved.left else 0
+
+
 @contextmanager
-def _database(url: str, *, there: bool = False) -> Iterator[Database]:
+def _database(url: str, *, there: bool = False, objects: ObjectStore | None = None) -> Iterator[Database]:
     """Open a database; one that must be ``there`` is not made by opening it."""
     from storage.errors import CopyError
     from storage.session import open_database
 
-    database = open_database(url)
+    database = open_database(url, objects=objects)
     path = database.engine.url.database
     if there and database.engine.dialect.name == "sqlite" and not Path(str(path)).is_file():
         raise CopyError(f"the database must exist, got {path}")

@@ -128,6 +128,7 @@ def worker(argv: Sequence[str]) -> int:
             slots=slots,
             traced=traces.job,
             direct=settings.direct_database_url,
+            objects=settings.objects,
         ).run(stop)
     except unreachable as error:
         raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error

@@ -225,7 +225,7 @@ _RUN = {
 @contextmanager
 def opened(url: str) -> Iterator[Database]:
     """Open the database for as long as this process computes."""
-    database = open_database(url)
+    database = open_database(url, objects=Settings().objects)
     try:
         yield database
     finally:

@@ -210,7 +210,7 @@ def original(identifier: str, caller: Reader, service: InstallationDep) -> Respo
     with service.database.session() as session:
         size = datasets.check_committed(session, caller, identifier)
     return StreamingResponse(
-        datasets.original(service, caller, identifier),
+        recorded_exports.begun(datasets.original(service, caller, identifier)),
         media_type="application/octet-stream",
         headers={"Content-Length": str(size)},
     )

@@ -10,14 +10,14 @@ from typing import Any, NoReturn, TypeVar
 
 from sqlalchemy.orm import Session
 
-from storage.errors import UNAVAILABLE
+from storage.errors import UNAVAILABLE, why_unavailable
 from storage.jobs.compute import Parts
 from storage.jobs.queue import JobQueue
 from storage.jobs.time_limits import with_deadline
 from storage.models import Job, JobStatus
 from storage.models.base import Document
 from storage.repositories import jobs, parts
-from storage.repositories.results import ResultRepository
+from storage.repositories.results import PackedBody, ResultRepository
 from storage.session import Database
 
 #: How often (s) a part tells its parent how far it is.
@@ -47,7 +47,7 @@ class Outcomes:
         self._told: dict[str, float] = {}
 
     def write(self, work: Callable[[Session], Value]) -> Value:
-        """Do some work in a transaction; wait for a database that is away, for there is nothing else to do."""
+        """Do some work in a transaction; wait for a database or an object store that is away, for there is nothing else to do."""
         pause = _PAUSE
         while True:
             try:
@@ -56,7 +56,7 @@ class Outcomes:
             except UNAVAILABLE as error:
                 if self._stopping.wait(pause):
                     raise Stopped from error
-                _log.warning("the database is away: %s", error)
+                _log.warning("what becomes of a job waits, %s: %s", why_unavailable(error), error)
                 pause = min(2 * pause, _LONGEST_PAUSE)
 
     def let_go(self, job: Job) -> str:
@@ -75,7 +75,8 @@ class Outcomes:
 
         def keep(session: Session) -> None:
             if jobs.is_cancelled(session, job.id, attempt=job.attempts):
-                jobs.attach(session, job.id, self._result(session, job, result))
+                ready = ResultRepository(session, job.workspace_id).pack(result)
+                jobs.attach(session, job.id, self._result(session, job, result, ready))
 
         self.write(keep)
 
@@ -131,12 +132,13 @@ class Outcomes:
         """End a job with its result; the last part to end brings the whole back into the queue."""
 
         def keep(session: Session) -> None:
+            ready = ResultRepository(session, job.workspace_id).pack(result)  # nobody is locked out meanwhile
             parent = job.parent_id
             if parent is not None and not jobs.lock(session, parent, attempt=None):
                 return
             if not jobs.lock(session, job.id, attempt=job.attempts):
                 return
-            kept = self._result(session, job, result)
+            kept = self._result(session, job, result, ready)
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=kept)
             if parent is None:
                 return
@@ -148,14 +150,14 @@ class Outcomes:
 
         self.write(keep)
 
-    def _result(self, session: Session, job: Job, result: Mapping[str, Any]) -> str:
+    def _result(self, session: Session, job: Job, result: Mapping[str, Any], ready: PackedBody) -> str:
         """Store a result and return its id."""
         system = result.get("system")
         system = system if isinstance(system, Mapping) else {}
         versions = result.get("versions")
         row = ResultRepository(session, job.workspace_id).create(
             kind=job.kind,
-            body=result,
+            body=ready,
             request=job.body if job.parent_id is None else None,
             system_id=system.get("id"),
             system_revision=system.get("revision"),

@@ -25,6 +25,7 @@ from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.maintenance import Keeper
 from storage.jobs.queue import JobQueue
 from storage.jobs.supervision import Supervisor, Traced, untraced
+from storage.objects import ObjectStore
 from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository
 from storage.session import Database, open_database
 
@@ -75,6 +76,8 @@ class Worker:
         What surrounds each attempt at a job, for whoever collects traces.
     direct : str, optional
         The same database past the pooler that ``url`` names: there the worker listens for jobs.
+    objects : ObjectStore, optional
+        Where blobs may lie beside the database.
     """
 
     current: ClassVar[Worker | None] = None
@@ -88,11 +91,13 @@ class Worker:
         heartbeat: float = HEARTBEAT_INTERVAL,
         traced: Traced = untraced,
         direct: str | None = None,
+        objects: ObjectStore | None = None,
     ) -> None:
         if slots < 1:
             raise ValueError(f"slots must be >= 1, got {slots}")
         self._url = url
         self._direct = direct
+        self._objects = objects
         self._compute = compute
         self._lost = ""
         self._slots = slots
@@ -114,7 +119,7 @@ class Worker:
             raise StateError("a process can have one worker only")
         with ExitStack() as undo:  # in reverse order, whether the start fails or the worker stops
             self._ended.clear()
-            self._database = open_database(self._url)
+            self._database = open_database(self._url, objects=self._objects)
             undo.callback(self._database.dispose)
             if not self._database.is_current():
                 raise StateError("the database must be migrated before a worker starts")

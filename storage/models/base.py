@@ -86,6 +86,7 @@ def _clean(text: str) -> str:
 Id = Token(40)
 Sha256 = Token(64)
 Word = Token(64)
+ObjectName = Token(100)
 
 
 def partial_index(*columns: str, where: str) -> Index:

@@ -7,7 +7,7 @@ from datetime import datetime
 from sqlalchemy import ForeignKey
 from sqlalchemy.orm import Mapped, mapped_column
 
-from storage.models.base import Base, Sha256, Word, utc_now
+from storage.models.base import Base, ObjectName, Sha256, Word, partial_index, utc_now
 
 
 class Blob(Base):
@@ -21,11 +21,13 @@ class Blob(Base):
 
 
 class BlobChunk(Base):
-    """One compressed piece of a blob; pieces count from 0."""
+    """One compressed piece of a blob; pieces count from 0. One in the object store has its name there as ``object``, and no data here."""
 
     __tablename__ = "blob_chunk"
+    __table_args__ = (partial_index("object", where="object IS NOT NULL"),)
 
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256", ondelete="CASCADE"), primary_key=True)
     number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     encoding: Mapped[str] = mapped_column(Word)
     data: Mapped[bytes]
+    object: Mapped[str | None] = mapped_column(ObjectName)

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
-from storage.blobs import iterate_bytes, packed, put_packed, sha256_of
+from storage.blobs import iterate_bytes, packed, put_packed, sha256_of, without_those_kept
 from storage.channels import ChannelReader, Envelope, Float, write_channels
 from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
 from storage.ids import new_id
@@ -125,10 +125,12 @@ class DatasetRepository:
         actual = sha256_of(data)
         if actual != sha256:
             raise ChecksumError("the content", expected=sha256, actual=actual)
-        # Compressed before the first write: in SQLite everybody else waits from then on, heartbeats of a rig among them.
-        content = packed(data, sha256=sha256)
+        self.get(identifier)
+        # Compressed, and brought to where it will lie, before the first write: in SQLite everybody else waits from then on,
+        # heartbeats of a rig among them.
+        contents = without_those_kept(self._session, [packed(data, sha256=sha256)])
         self._lock(identifier, DatasetStatus.OPEN)
-        put_packed(self._session, [content])
+        put_packed(self._session, contents)
         new = insert_if_absent(self._session, DatasetSegment, dataset_id=identifier, sha256=sha256, size=len(data))
         if new:
             quotas.add_bytes(self._session, self._workspace_id, len(data))

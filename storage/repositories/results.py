@@ -6,7 +6,8 @@ A numpy array anywhere in the body is kept once and replaced by ``{"$array": pos
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
-from storage.blobs import Array, get_array, put_array
+from storage.blobs import Array, Packed, get_array, packed_array, put_packed, without_those_kept
 from storage.errors import NotFoundError
 from storage.ids import new_id
 from storage.models import Blob, Result, ResultArray
@@ -25,6 +26,14 @@ from storage.pagination import Page, paginate
 _ARRAY = "$array"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackedBody:
+    """A body whose arrays are ready to be kept."""
+
+    document: Document
+    arrays: Sequence[Packed]
+
+
 class ResultRepository:
     """The results of one workspace."""
 
@@ -32,30 +41,38 @@ class ResultRepository:
         self._session = session
         self._workspace_id = workspace_id
 
+    def pack(self, body: Mapping[str, Any]) -> PackedBody:
+        """Compress the arrays of a body, and bring them to the object store: to be done before the transaction begins."""
+        arrays: list[Array] = []
+        document = _take_arrays(body, arrays)
+        contents = [packed_array(array) for array in arrays]
+        ready = {content.sha256: content for content in without_those_kept(self._session, contents)}
+        return PackedBody(document=document, arrays=[ready[content.sha256] for content in contents])
+
     def create(
         self,
         *,
         kind: str,
-        body: Mapping[str, Any],
+        body: Mapping[str, Any] | PackedBody,
         request: Document | None = None,
         system_id: str | None = None,
         system_revision: int | None = None,
         versions: Mapping[str, str] | None = None,
         within_quota: bool = True,
     ) -> Result:
-        """Keep a result; ``body`` is JSON that may hold numpy arrays anywhere.
+        """Keep a result; ``body`` is JSON that may hold numpy arrays anywhere, or what `pack` made of it.
 
         Raises
         ------
         QuotaExceededError
             When the workspace may not store that much; not asked ``within_quota`` (a finished job keeps what it found).
         """
-        arrays: list[Array] = []
+        ready = body if isinstance(body, PackedBody) else self.pack(body)
         result = Result(
             id=new_id("res"),
             workspace_id=self._workspace_id,
             kind=kind,
-            body=_take_arrays(body, arrays),
+            body=ready.document,
             request=request,
             system_id=system_id,
             system_revision=system_revision,
@@ -63,9 +80,9 @@ class ResultRepository:
         )
         self._session.add(result)
         self._session.flush()
-        for position, array in enumerate(arrays):
-            sha256 = put_array(self._session, array)
-            self._session.add(ResultArray(result_id=result.id, position=position, sha256=sha256))
+        put_packed(self._session, ready.arrays)
+        for position, array in enumerate(ready.arrays):
+            self._session.add(ResultArray(result_id=result.id, position=position, sha256=array.sha256))
         self._session.flush()
         record(self._session, self._workspace_id, "result.create", result.id, kind=kind)
         quotas.add_bytes(self._session, self._workspace_id, self._size(result), within_quota=within_quota)

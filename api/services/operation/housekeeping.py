@@ -11,6 +11,7 @@ from storage import audit
 from storage.blobs import forget_unused
 from storage.errors import UNAVAILABLE
 from storage.models.base import utc_now
+from storage.moving import forget_objects
 from storage.repositories import SignInRepository, alerts, idempotency, jobs, schedules, webhooks
 
 INTERVAL = 3600.0
@@ -30,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 
 def tidy(service: Installation) -> None:
-    """Forget stored replies, sign-ins, audit entries, alerts, deliveries, jobs and their events that are too old, and blobs that nobody needs; a database that is away is asked next time."""
+    """Forget stored replies, sign-ins, audit entries, alerts, deliveries, jobs and their events that are too old, and blobs that nobody needs; a database or an object store that is away is asked next time."""
     now = utc_now()
     try:
         with service.database.session() as session:
@@ -44,6 +45,7 @@ def tidy(service: Installation) -> None:
         _forget_blobs(service, before=now - _UNUSED)
         _forget_jobs(service, before=now - timedelta(days=service.settings.job_days), ended=now - _ENGINE_ROWS)
         _again(lambda: _forget_events(service, before=now - timedelta(days=service.settings.event_days)))
+        forget_objects(service.database, before=now - _UNUSED)  # last: the store may be away when the database is there
     except UNAVAILABLE as error:
         _log.warning("what is too old could not be forgotten: %s", error)
 

@@ -91,15 +91,17 @@ def export(
         count=stop - first,
         read=read,
     )
+    if where and outgoing.count:
+        read(0, 0, 1)  # samples that cannot be read are told before the reply begins
     write, media_type, ending = WRITERS[format_]
     try:
-        pieces = _begun(write(outgoing))
+        pieces = begun(write(outgoing))
     except FormatError as error:
         raise invalid(error.message, "format") from error
     return Export(pieces=pieces, media_type=media_type, filename=f"{identifier}.{ending}")
 
 
-def _begun(pieces: Iterator[bytes]) -> Iterator[bytes]:
+def begun(pieces: Iterator[bytes]) -> Iterator[bytes]:
     """Take the first piece, so that what cannot be written is refused before the reply begins."""
     first = next(pieces)
 
