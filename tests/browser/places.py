@@ -24,7 +24,7 @@ PATIENCE = 240
 _UNDER_WAY = {"queued", "claimed", "running", "uploading", "parsing"}
 _TEMPLATES = ROOT / "web" / "src" / "features" / "systems" / "templates.json"
 STUDIES = ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
-PANEL = "s=motor.resistance,motor.inertia,motor.torque_constant&in=voltage&amp=24&path=voltage,speed&cmp=motor.resistance:0.33,0.5,0.8"
+PANEL = "s=motor.resistance,motor.inertia,motor.torque_constant&in=voltage&amp=24&path=voltage,speed&pl=motor.resistance&cmp=motor.resistance:0.33,0.5,0.8"
 _STEP = {"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}
 QUICK = {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"}
 CALM = {"metric": "overshoot", "experiment": "step", "output": "velocity"}

@@ -102,10 +102,48 @@ def test_a_recording_lies_over_the_curves_and_another_design_is_added(
     expect(page.get_by_test_id("recording")).to_have_text("y → y")
     expect(page.get_by_text(re.compile("y, measured"))).to_be_visible()
     page.get_by_role("button", name="Add a design").click()
-    page.get_by_role("combobox", name="System or optimum").click()
+    page.get_by_role("combobox", name="System, optimum, model or recording").click()
     page.get_by_role("option", name=LAG["name"], exact=True).first.click()
     page.get_by_role("dialog").get_by_role("button", name="Add a design").click()
     expect(page.get_by_test_id("comparison").locator("thead a")).to_have_count(2)
+
+
+def test_an_identified_model_and_a_recording_are_compared(page: Page, client: httpx.Client, lag: str) -> None:
+    time = np.arange(1000) / 500
+    since = np.maximum(time - 0.5, 0)
+    step = {"u": ("", (time >= 0.5).astype(float)), "y": ("", 1.5 * (1 - np.exp(-since / 0.15)))}
+    bench = send(client, "lag with 150 ms", step, 500.0)
+    asked = {
+        "system": lag, "dataset": bench, "inputs": {"u": "u"}, "outputs": {"y": "y"},
+        "parameters": [{"parameter": "tau", "lower": 0.01, "upper": 1}],
+    }  # fmt: skip
+    job = made(client, "/v1/identifications", asked)
+    ended(client, f"/v1/jobs/{job}")
+    page.goto(f"/jobs/{job}")
+    page.get_by_role("link", name="Compare with revision 2").click()
+    expect(page).to_have_url(re.compile(rf"/compare\?d={lag}%402&d={job}$"))
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Table (CSV)").click()
+    head, *rows = csv.reader(download.value.path().read_text().splitlines())
+    assert [label.split(", ")[1].split(" of ")[0] for label in head[2:]] == ["revision 2", "model"]
+    found = {name: [float(cell) for cell in cells if cell] for name, _, *cells in rows if name in {"rise_time", "tau"}}
+    # The recording was made with 0.15 s; from 10 to 90 % a lag goes in tau ln 9.
+    assert found["tau"] == [0.2, pytest.approx(0.15, rel=0.01)]
+    assert found["rise_time"] == pytest.approx([tau * math.log(9) for tau in found["tau"]], rel=1e-9)
+    page.get_by_role("button", name="Add a design").click()
+    page.get_by_role("combobox", name="System, optimum, model or recording").fill("lag with 150")
+    page.get_by_role("option", name="lag with 150 ms").click()
+    page.get_by_label("Channel").select_option("y")
+    assert faults_of_both_themes(page, "light") == []
+    page.get_by_role("dialog").get_by_role("button", name="Overlay a recording").click()
+    expect(page.get_by_test_id("recording")).to_have_text("y → y")
+    expect(page.get_by_text(re.compile("y, measured"))).to_be_visible()
+    page.goto("/compare")
+    page.get_by_role("button", name="Add a design").click()
+    page.get_by_role("combobox", name="System, optimum, model or recording").click()
+    page.get_by_role("option", name=re.compile(rf"^{LAG['name']}, ")).last.click()
+    page.get_by_role("dialog").get_by_role("button", name="Add a design").click()
+    expect(page).to_have_url(re.compile(r"/compare\?d=job_"))
 
 
 def test_what_cannot_be_compared_is_told(page: Page, lag: str) -> None:

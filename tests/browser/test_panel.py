@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, Route, WebSocketRoute, expect
+from playwright.sync_api import Locator, Page, Route, WebSocketRoute, expect
 
 import servotune
 from tests.browser.driving import KEY, PAGES, faults
@@ -255,6 +255,58 @@ def test_the_root_locus_of_a_parameter_is_drawn_and_taken_along(page: Page, clie
     expect(page.get_by_role("textbox", name="Value of k")).to_have_value(f"{value:.6g}")
     assert faults(page) == []
     assert len(asked) == 1
+
+
+def test_curves_over_frequency_are_pulled_and_the_gain_follows(page: Page, client) -> None:
+    system = client.post("/v1/systems", json=INTEGRATING).json()["id"]
+    opened(page, system, "s=k&loop=error&v=bode,nyquist,nichols")
+    page.get_by_role("button", name="More for k", exact=True).click()
+    page.get_by_role("menuitem", name="Pull curves over frequency with it").click()
+    expect(page).to_have_url(re.compile("pl=k"))
+    entry = page.get_by_role("textbox", name="Value of k")
+
+    def grip(plane: str) -> Locator:
+        return page.locator(f"[data-zone='pull:{plane}']")
+
+    def middle(plane: str) -> tuple[float, float]:
+        box = grip(plane).bounding_box()
+        assert box is not None
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    for plane in ("bode", "nyquist", "nichols"):
+        expect(grip(plane)).to_have_attribute("aria-valuetext", "k = 5")
+        expect(grip(plane)).to_have_attribute("aria-label", "curve by k")
+        # The grip is at the crossover, which lies further out when the gain is larger.
+        value = float(entry.input_value())
+        grip(plane).focus()
+        page.keyboard.press("ArrowDown" if plane == "nyquist" else "ArrowUp")
+        expect(entry).not_to_have_value(f"{value:g}")
+        assert float(entry.input_value()) > value, plane
+        page.get_by_role("button", name="Reset k to the document's value").click()
+        expect(entry).to_have_value("5")
+    # To the right along 0 dB: there the curve has its crossover then, and there the grip is.
+    x, y = middle("bode")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 30, y, steps=4)
+    page.mouse.up()
+    expect(page).to_have_url(re.compile(r"p\.k=\d"))
+    value = float(re.search(r"p\.k=([\d.]+)", page.url)[1])  # type: ignore[index] # it was waited for
+    expect(grip("bode")).to_have_attribute("aria-valuetext", f"k = {value:.4g}")
+    # The axis of magnitudes has been fitted anew.
+    assert middle("bode")[0] == pytest.approx(x + 30, abs=1.5)
+    assert value > 5
+    # What is held follows the hand, in a Nichols chart straight up: the phase at a frequency does not depend on the gain.
+    x, y = middle("nichols")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y + 15, steps=3)
+    expect(grip("nichols")).not_to_have_attribute("aria-valuetext", f"k = {value:.4g}")
+    assert middle("nichols") == pytest.approx((x, y + 15), abs=2.5)
+    page.mouse.up()
+    expect(page).not_to_have_url(re.compile(rf"p\.k={value:g}(&|$)"))
+    assert float(entry.input_value()) < value
+    assert faults(page) == []
 
 
 def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:

@@ -3,7 +3,7 @@ import { useQueries, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useCallback, useEffect, useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import { metricsQuery } from "@/shared/api/catalogue";
-import { MeasuredSetup } from "@/shared/responses/MeasuredSetup";
+import { MeasuredSetup, MOST_MEASURED } from "@/shared/responses/MeasuredSetup";
 import { ResponsePlots, type PlotsHandle } from "@/shared/responses/ResponsePlots";
 import { firstPlots, mainOutput, readView, usualMetrics, VIEW_KEYS, writeView, type View } from "@/shared/responses/view";
 import { PlotChoice, ViewSetup } from "@/shared/responses/ViewSetup";
@@ -41,11 +41,17 @@ export function ComparePage() {
   const asked = useQueries({ queries: refs.map((ref) => designQuery(ref, client, t, i18n.language)) });
   const found = asked.flatMap(({ data }) => data ?? []);
   const drop = (id: string) => choose(refs.filter((ref) => designText(ref) !== id));
+  /** A channel lies over the output of its name, else over the one whose metrics are shown. */
+  const onRecording = (dataset: string, channel: string) => {
+    const union = openedOf(found, [], 0);
+    const output = union.curves.includes(channel) ? channel : mainOutput(view, union);
+    change({ measured: [...view.measured, { output, dataset, channel, start: 0, relative: false }] });
+  };
   const pending = asked.some(({ isPending }) => isPending) || domains.isPending;
   return (
     <div className="page">
       <PageHead title={t("compare.title")} doc={t("compare.doc")}>
-        {refs.length > 0 && <AddDesign full={refs.length >= MOST_DESIGNS} onAdd={(ref) => choose([...refs, ref])} />}
+        {refs.length > 0 && <AddDesign full={refs.length >= MOST_DESIGNS} onAdd={(ref) => choose([...refs, ref])} {...(found.length > 0 && view.measured.length < MOST_MEASURED ? { onRecording } : {})} />}
       </PageHead>
       <Stack gap="md">
         <ProblemAlert error={domains.error} />

@@ -9,7 +9,7 @@ const design = (part: Partial<Design>): Design => ({ id: "sys_a@1", name: "lag",
 
 describe("the address of a comparison", () => {
   it("comes back as it was written, each design once", () => {
-    const refs = [{ kind: "revision", id: "sys_a", revision: 3 }, { kind: "search", id: "job_b" }] as const;
+    const refs = [{ kind: "revision", id: "sys_a", revision: 3 }, { kind: "job", id: "job_b" }] as const;
     const query = new URLSearchParams(compareAt([...refs, refs[0]]).split("?")[1]);
     expect(readDesigns(query)).toEqual(refs);
   });

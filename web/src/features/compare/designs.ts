@@ -14,13 +14,13 @@ export interface DesignParameter {
   unit: string;
 }
 
-/** A system at certain values: a revision as it stands, or the best that a search has found. */
+/** A system at certain values: a revision as it stands, the best that a search has found, an identified model. */
 export interface Design {
   /** As in the address. */
   id: string;
   /** Of its system. */
   name: string;
-  /** What it is of that system: a revision, the optimum of a search. */
+  /** What it is of that system: a revision, the optimum of a search, an identified model. */
   part: string;
   /** Its page. */
   to: string;
@@ -44,13 +44,19 @@ interface Found {
   chosen?: string;
 }
 
+interface Identified {
+  document?: SystemDocument | null;
+  system?: { id: string; revision: number } | null;
+  parameters: Record<string, { value: number }>;
+}
+
 /** What a reference of an address stands for; what it cannot stand for is a problem in words. */
 export const designQuery = (ref: DesignRef, client: QueryClient, t: TFunction, language: string) =>
   queryOptions({
     queryKey: ["design", designText(ref), language],
     staleTime: Infinity,
     retry: false,
-    queryFn: (): Promise<Design> => (ref.kind === "revision" ? ofRevision(ref, client, t) : ofSearch(ref.id, client, t, language)),
+    queryFn: (): Promise<Design> => (ref.kind === "revision" ? ofRevision(ref, client, t) : ofJob(ref.id, client, t, language)),
   });
 
 async function ofRevision(ref: DesignRef & { kind: "revision" }, client: QueryClient, t: TFunction): Promise<Design> {
@@ -59,8 +65,10 @@ async function ofRevision(ref: DesignRef & { kind: "revision" }, client: QueryCl
   return made({ id: designText(ref), ...names, to: `/systems/${ref.id}/revisions?to=${ref.revision}`, document, values: {} }, client);
 }
 
-async function ofSearch(id: string, client: QueryClient, t: TFunction, language: string): Promise<Design> {
+async function ofJob(id: string, client: QueryClient, t: TFunction, language: string): Promise<Design> {
   const job = await client.fetchQuery(jobQuery(id));
+  const at = new Date(job.finished_at ?? job.created_at).toLocaleString(language, { dateStyle: "medium", timeStyle: "short" });
+  if (job.kind === "identification" && job.result !== null) return ofIdentification(id, client, t("compare.modelOf", { at }));
   if (job.kind !== "optimization" || job.result === null) throw refused(t("compare.noOptimum", { id, kind: t(`jobs.kinds.${job.kind}`, job.kind), status: t(`status.${job.status}`, job.status) }));
   const result = (await client.ensureQueryData(resultQuery(id))) as unknown as Found;
   const asked = (await must(api.GET("/v1/jobs/{identifier}/request", { params: { path: { identifier: id } } }))) as unknown as Asked;
@@ -68,8 +76,16 @@ async function ofSearch(id: string, client: QueryClient, t: TFunction, language:
   if (chosen && (chosen.add || chosen.remove)) throw refused(t("compare.changedStructure", { id, name: chosen.name }));
   const own = chosen?.system;
   const document = typeof own === "object" && own !== null ? own : typeof own === "string" ? (await client.fetchQuery(systemQuery(own))).document : job.system ? await client.ensureQueryData(revisionQuery(job.system.id, job.system.revision)) : (asked.system as SystemDocument);
-  const at = new Date(job.finished_at ?? job.created_at).toLocaleString(language, { dateStyle: "medium", timeStyle: "short" });
   return made({ id, name: document.name || job.system?.id || id, part: t("compare.optimumOf", { at }), to: `/jobs/${id}`, document, values: result.best ?? {} }, client);
+}
+
+/** A model of a recording alone is a system of its own; else it is a revision at the values that were found. */
+async function ofIdentification(id: string, client: QueryClient, part: string): Promise<Design> {
+  const { document: own, system, parameters } = (await client.ensureQueryData(resultQuery(id))) as unknown as Identified;
+  const asked = own || system ? null : ((await must(api.GET("/v1/jobs/{identifier}/request", { params: { path: { identifier: id } } }))) as unknown as Asked);
+  const document = own ?? (system ? await client.ensureQueryData(revisionQuery(system.id, system.revision)) : (asked!.system as SystemDocument));
+  const values = own ? {} : Object.fromEntries(Object.entries(parameters).map(([path, { value }]) => [path, value]));
+  return made({ id, name: document.name || system?.id || id, part, to: `/jobs/${id}`, document, values }, client);
 }
 
 const refused = (detail: string) => new Problem({ status: 0, title: "", detail });

@@ -8,6 +8,7 @@ import type { SystemDocument } from "@/shared/api/types";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisSpec } from "@/shared/charts/analysis";
 import { withValues } from "@/shared/systems/apply";
+import { compareAt } from "@/shared/systems/compared";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 import { FitTable } from "./FitTable";
@@ -249,6 +250,11 @@ function Actions({ id, result, values }: { id: string; result: IdentificationRes
         {known && (
           <Button variant="default" component={Link} to={`/validate?${new URLSearchParams({ system, identification: id }).toString()}`}>
             {t("matching.validate")}
+          </Button>
+        )}
+        {result.system && (
+          <Button variant="default" component={Link} to={compareAt([{ kind: "revision", ...result.system }, { kind: "job", id }])}>
+            {t("compare.withStart", { number: result.system.revision })}
           </Button>
         )}
         {result.document != null && (

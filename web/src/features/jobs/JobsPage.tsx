@@ -20,7 +20,7 @@ const KINDS = ["optimization", "identification", "validation", "import", "previe
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 
 /** A search that has found something, which can be compared with others. */
-const isDesign = (job: JobReply) => job.kind === "optimization" && job.result !== null;
+const isDesign = (job: JobReply) => (job.kind === "optimization" || job.kind === "identification") && job.result !== null;
 
 export function JobsPage() {
   const { t } = useTranslation();
@@ -50,7 +50,7 @@ export function JobsPage() {
         <NativeSelect size="xs" label={t("jobs.kind")} value={kind} onChange={(event) => choose("kind", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...KINDS.map((k) => ({ value: k, label: t(`jobs.kinds.${k}`, k) }))]} />
         <NativeSelect size="xs" label={t("jobs.status")} value={status} onChange={(event) => choose("status", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((s) => ({ value: s, label: t(`status.${s}`) }))]} />
         {rows.some(isDesign) && (
-          <Button component={Link} to={compareAt(chosen.map((id) => ({ kind: "search", id })))} variant="default">
+          <Button component={Link} to={compareAt(chosen.map((id) => ({ kind: "job", id })))} variant="default">
             {t("compare.chosen", { count: chosen.length })}
           </Button>
         )}

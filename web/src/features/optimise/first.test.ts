@@ -2,7 +2,7 @@ import { afterEach, describe, expect, it } from "vitest";
 import type { SystemDocument } from "@/shared/api/types";
 import type { LiveParameter, Opened } from "@/shared/live/protocol";
 import { keepLast, lastOf } from "@/shared/systems/last";
-import { effortOf, gainsOf } from "./controllers";
+import { effortOf, gainsOf } from "@/shared/systems/controllers";
 import { firstOf } from "./first";
 import { drawnGoals } from "./drawn";
 

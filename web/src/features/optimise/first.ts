@@ -6,7 +6,7 @@ import type { Last } from "@/shared/systems/last";
 import { firstSliders } from "@/shared/systems/movable";
 import type { GoalRow } from "@/shared/systems/search";
 import { wholeOf } from "./address";
-import { effortOf, gainsOf, type Effort } from "./controllers";
+import { effortOf, gainsOf, type Effort } from "@/shared/systems/controllers";
 import type { Search } from "./schema";
 
 /** Without a limit that the system states, an optimum may ask for so many times the effort of now. */

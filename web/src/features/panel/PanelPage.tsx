@@ -9,6 +9,7 @@ import { Busy } from "@/shared/ui/Busy";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { withUnit, words } from "@/shared/units/format";
 import { CompareBar } from "./CompareBar";
+import { gainsOf } from "@/shared/systems/controllers";
 import { loopsOf } from "@/shared/systems/loops";
 import { MetricStrip } from "./MetricStrip";
 import classes from "./PanelPage.module.css";
@@ -18,9 +19,11 @@ import { ParamSlider } from "./ParamSlider";
 import { GoalBar } from "./GoalBar";
 import type { PanelGoal } from "@/shared/responses/goals";
 import { MeasuredSetup } from "@/shared/responses/MeasuredSetup";
+import { PLANES } from "@/shared/responses/pull";
 import { firstPlots, mainOutput, usualMetrics } from "@/shared/responses/view";
 import { travelOf, type Scale } from "./scale";
 import { useLocus } from "./useLocus";
+import { usePull } from "./usePull";
 import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
 import { searchAt, type ProblemForm } from "@/shared/systems/search";
@@ -29,6 +32,13 @@ import { firstSliders } from "@/shared/systems/movable";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import { pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "@/shared/responses/useLive";
+
+/** The ends of the frequencies above 0, rad/s. */
+function rangeOf(frequency: Float32Array): [number, number] | null {
+  const low = frequency.find((one) => one > 0);
+  const high = frequency[frequency.length - 1]!;
+  return low !== undefined && high > low ? [low, high] : null;
+}
 
 const NONE: Record<string, number | null> = {};
 
@@ -55,11 +65,14 @@ export function PanelPage() {
         pending.current = null;
         if (newest) plots.current?.draw(newest);
         setVerdict(newest?.variants[0]?.verdict ?? "ok");
+        if (newest && newest.frequency.length > 1) setRange((before) => before ?? rangeOf(newest.frequency));
       });
     }
     pending.current = frame;
   }, []);
   const [verdict, setVerdict] = useState("ok");
+  /** Of the frequencies that are drawn; of each system and loop the first ones. */
+  const [range, setRange] = useState<[number, number] | null>(null);
 
   // The vectors' parameters belong to what is opened, so a new slider opens anew; that costs milliseconds.
   const [known, setKnown] = useState<Awaited<ReturnType<typeof useLive>>["opened"]>(null);
@@ -112,6 +125,7 @@ export function PanelPage() {
     if (!gesture.current) moving.current = state.values;
     latest.current(moving.current);
   }, [live.opened, state]);
+  useEffect(() => setRange(null), [live.opened]);
   useEffect(() => plots.current?.forget(), [state.input, state.amplitude, state.loop, state.path?.join(), state.duration, system.revision]);
 
   const onMove = useCallback((path: string, value: number) => {
@@ -135,32 +149,34 @@ export function PanelPage() {
   );
   const onRemove = useCallback((path: string) => change({ sliders: state.sliders.filter((p) => p !== path) }), [change, state.sliders]);
 
+  const chosen = useMemo(() => state.plots ?? firstPlots(known?.curves ?? [], output ?? "", state.loop !== null), [state.plots, known, output, state.loop]);
   const locusOf = known && !known.nonlinear && state.locus ? parameters.get(state.locus) : undefined;
   const found = useLocus({ system: id, revision: system.revision, parameter: locusOf?.bound ? undefined : locusOf, scale: state.scales[state.locus ?? ""], values: state.values, from: input, to: output ?? undefined });
-  const locus = useMemo(
-    () =>
-      found.locus && {
-        locus: found.locus,
-        label: t("panel.locusOf", { path: found.locus.path }),
-        value: () => moving.current[found.locus!.path] ?? parameters.get(found.locus!.path)?.value ?? NaN,
-        text: (value: number) => show(found.locus!.path, value),
-      },
-    [found.locus, parameters, show, t],
-  );
-  const onLocus = useCallback(
-    (value: number, done: boolean) => {
-      const path = found.locus?.path;
-      if (path === undefined) return;
+  /** What is taken hold of, for a parameter that follows it. */
+  const followed = useCallback((path: string, label: "panel.locusOf" | "panel.pullOf") => ({ label: t(label, { path }), value: () => moving.current[path] ?? parameters.get(path)?.value ?? NaN, text: (value: number) => show(path, value) }), [parameters, show, t]);
+  const follow = useCallback(
+    (path: string, value: number, done: boolean) => {
       const rounded = Number(value.toPrecision(4));
       onMove(path, rounded);
       if (done) onCommit(path, rounded);
     },
-    [found.locus, onMove, onCommit],
+    [onMove, onCommit],
   );
+  const locus = useMemo(() => found.locus && { locus: found.locus, ...followed(found.locus.path, "panel.locusOf") }, [found.locus, followed]);
+  const onLocus = useCallback((value: number, done: boolean) => found.locus && follow(found.locus.path, value, done), [found.locus, follow]);
   const chooseLocus = useCallback(
     (path: string) => change(state.locus === path ? { locus: null } : { locus: path, ...(state.plots && !state.plots.includes("poles") ? { plots: [...state.plots, "poles"] } : {}) }),
     [change, state.locus, state.plots],
   );
+
+  // Pulled curves move what was chosen for it; where nobody has chosen, the first gain of the controller that has a slider.
+  const pulls = state.pull ?? (state.loop ? gainsOf(system.document, known?.parameters ?? []).find((path) => state.sliders.includes(path)) : undefined);
+  const pulled = pulls ? parameters.get(pulls) : undefined;
+  const overFrequency = chosen.some((kind) => PLANES.includes(kind));
+  const family = usePull({ system: id, revision: system.revision, parameter: pulled?.bound || !overFrequency ? undefined : pulled, scale: state.scales[pulls ?? ""], values: state.values, shown: frequency as never, range });
+  const pull = useMemo(() => family && { family, ...followed(family.path, "panel.pullOf") }, [family, followed]);
+  const onPull = useCallback((value: number, done: boolean) => family && follow(family.path, value, done), [family, follow]);
+  const choosePull = useCallback((path: string) => change({ pull: path }), [change]);
 
   const onKnob = useCallback((path: string, knob: boolean) => change({ knobs: knob ? [...state.knobs, path] : state.knobs.filter((p) => p !== path) }), [change, state.knobs]);
   const onScale = useCallback((path: string, scale: Scale) => change({ scales: { ...state.scales, [path]: scale } }), [change, state.scales]);
@@ -197,7 +213,6 @@ export function PanelPage() {
     const largest = Math.max(0, ...Object.values(elasticities).map((e) => Math.abs(e ?? 0)));
     return new Map(Object.entries(elasticities).flatMap(([path, e]) => (e != null && largest > 0 ? [[path, { part: e / largest, value: e }]] : [])));
   }, [elasticities]);
-  const chosen = useMemo(() => state.plots ?? firstPlots(known?.curves ?? [], output ?? "", state.loop !== null), [state.plots, known, output, state.loop]);
   const moved = Object.keys(state.values).length > 0;
   // Only what they are called: values that change must not make new plots.
   const labels = JSON.stringify(variants.map(({ label, kind }) => ({ label, kind })));
@@ -251,6 +266,8 @@ export function PanelPage() {
               onKnob={onKnob}
               locus={state.locus === path}
               onLocus={known?.nonlinear ? undefined : chooseLocus}
+              pull={pulls === path}
+              onPull={choosePull}
               onScale={onScale}
               onMove={onMove}
               onCommit={onCommit}
@@ -291,7 +308,7 @@ export function PanelPage() {
         )}
         <ProblemAlert error={live.problem ?? found.error} />
         {!known && !live.problem && live.state !== "lost" && <Busy>{t("panel.opening")}</Busy>}
-        {known && <ResponsePlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} locus={locus} onLocus={onLocus} onGoal={onGoal} />}
+        {known && <ResponsePlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} locus={locus} onLocus={onLocus} pull={pull} onPull={onPull} onGoal={onGoal} />}
       </Stack>
     </div>
   );

@@ -28,11 +28,14 @@ interface Props {
   /** Draws the root locus of the parameter, or takes it away; left out where there is none. */
   onLocus?: ((path: string) => void) | undefined;
   locus?: boolean;
+  /** Curves over frequency are pulled by this parameter. */
+  pull?: boolean;
+  onPull?: ((path: string) => void) | undefined;
   onScale(path: string, scale: Scale): void;
 }
 
 /** One parameter: label with its influence, slider or knob, typed entry. Moving it does not pass through the page's state. */
-export const ParamSlider = memo(function ParamSlider({ parameter, value, influence, metric, knob, scale, locus = false, onMove, onCommit, onRemove, onKnob, onLocus, onScale }: Props) {
+export const ParamSlider = memo(function ParamSlider({ parameter, value, influence, metric, knob, scale, locus = false, pull = false, onPull, onMove, onCommit, onRemove, onKnob, onLocus, onScale }: Props) {
   const { t } = useTranslation();
   const [rests, setRests] = useState(value);
   const [moved, setMoved] = useState(value !== parameter.value);
@@ -81,7 +84,7 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
   useLayoutEffect(() => write(held.current ? moving.current : rests), [rests, knob, scale, parameter]);
   return (
     <div className={classes.slider}>
-      <Head parameter={parameter} influence={influence} metric={metric} knob={knob} log={travel.log} canLog={travel.low > 0} moved={moved} onReset={reset} onRemove={onRemove} onKnob={onKnob} locus={locus} onLocus={onLocus} onScale={onScale} />
+      <Head parameter={parameter} influence={influence} metric={metric} knob={knob} log={travel.log} canLog={travel.low > 0} moved={moved} onReset={reset} onRemove={onRemove} onKnob={onKnob} locus={locus} onLocus={onLocus} pull={pull} onPull={onPull} onScale={onScale} />
       <div className={classes.row}>
         {knob ? (
           <Knob position={toPosition(rests, travel)} label={path} text={withUnit(rests, unit)} onMove={(next) => move(fromPosition(next, travel))} onCommit={settle} onReset={reset} />
@@ -123,6 +126,8 @@ interface HeadProps {
   canLog: boolean;
   locus: boolean;
   onLocus: ((path: string) => void) | undefined;
+  pull: boolean;
+  onPull: ((path: string) => void) | undefined;
   moved: boolean;
   onReset(): void;
   onRemove(path: string): void;
@@ -134,7 +139,7 @@ interface HeadProps {
 const LONG = 6;
 
 /** What does not change while the slider moves: it is not rendered then. */
-const Head = memo(function Head({ parameter: { path, unit, doc }, influence, metric, knob, log, canLog, moved, locus, onReset, onRemove, onKnob, onLocus, onScale }: HeadProps) {
+const Head = memo(function Head({ parameter: { path, unit, doc }, influence, metric, knob, log, canLog, moved, locus, pull, onReset, onRemove, onKnob, onLocus, onPull, onScale }: HeadProps) {
   const { t } = useTranslation();
   return (
     <Group justify="space-between" wrap="nowrap" gap={4} className={classes.label}>
@@ -168,6 +173,11 @@ const Head = memo(function Head({ parameter: { path, unit, doc }, influence, met
               {t(log ? "panel.linear" : "panel.logarithmic")}
             </Menu.Item>
             {onLocus && <Menu.Item onClick={() => onLocus(path)}>{t(locus ? "panel.noLocus" : "panel.asLocus")}</Menu.Item>}
+            {onPull && (
+              <Menu.Item onClick={() => onPull(path)} disabled={pull}>
+                {t("panel.asPull")}
+              </Menu.Item>
+            )}
             <Menu.Item onClick={() => onRemove(path)}>{t("panel.remove", { path })}</Menu.Item>
           </Menu.Dropdown>
         </Menu>

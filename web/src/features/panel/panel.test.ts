@@ -7,11 +7,11 @@ import { readState, variantsOf, writeState } from "./state";
 const parameter = (path: string, value: number, more: Partial<LiveParameter> = {}): LiveParameter => ({ path, value, unit: "ohm", lower: null, upper: null, scale: "linear", doc: "", bound: false, ...more });
 
 describe("the address", () => {
-  const text = "s=r,kp&p.r=0.4&cmp=r%3A0.33%2C0.5&ref=1&r.kp=2&in=u&amp=24&out=y&path=u%2Cy&T=0.5&v=step%3Ay%2Cbode&k=kp&rl=kp&log=r&g=overshoot%3C0.05%2Cphase_margin%3E0.785&sn=a%20b~1~r%3D0.3&ds=y~ds_1~ch~0.5~1&ms=iae%2Covershoot&m=iae";
+  const text = "s=r,kp&p.r=0.4&cmp=r%3A0.33%2C0.5&ref=1&r.kp=2&in=u&amp=24&out=y&path=u%2Cy&T=0.5&v=step%3Ay%2Cbode&k=kp&rl=kp&pl=kp&log=r&g=overshoot%3C0.05%2Cphase_margin%3E0.785&sn=a%20b~1~r%3D0.3&ds=y~ds_1~ch~0.5~1&ms=iae%2Covershoot&m=iae";
   it("holds the state", () => {
     const state = readState(new URLSearchParams(text));
     expect(state).toEqual({ sliders: ["r", "kp"], values: { r: 0.4 }, compare: { path: "r", values: [0.33, 0.5] }, reference: { kp: 2 }, input: "u", amplitude: 24, output: "y", loop: null, path: ["u", "y"], duration: 0.5, plots: ["step:y", "bode"], metrics: ["iae", "overshoot"], metric: "iae",
-      knobs: ["kp"], locus: "kp", scales: { r: "log" }, goals: [{ metric: "overshoot", bound: "upper", value: 0.05 }, { metric: "phase_margin", bound: "lower", value: 0.785 }], snapshots: [{ name: "a b", shown: true, values: { r: 0.3 } }], measured: [{ output: "y", dataset: "ds_1", channel: "ch", start: 0.5, relative: true }] });
+      knobs: ["kp"], locus: "kp", pull: "kp", scales: { r: "log" }, goals: [{ metric: "overshoot", bound: "upper", value: 0.05 }, { metric: "phase_margin", bound: "lower", value: 0.785 }], snapshots: [{ name: "a b", shown: true, values: { r: 0.3 } }], measured: [{ output: "y", dataset: "ds_1", channel: "ch", start: 0.5, relative: true }] });
     expect(readState(writeState(state, new URLSearchParams()))).toEqual(state);
   });
   it("forgives what makes no sense", () => expect(readState(new URLSearchParams("p.r=abc&T=-1&cmp=r:x&amp=0&g=overshoot%3Cx,nothing%3C1&sn=a~1~r%3Dx&ds=y~~c&ms=nothing"))).toMatchObject({ metrics: null, values: {}, duration: null, compare: null, amplitude: 1, goals: [], snapshots: [], measured: [] }));

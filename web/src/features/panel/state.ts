@@ -25,6 +25,8 @@ export interface PanelState extends View {
   knobs: string[];
   /** The parameter whose root locus is drawn among the poles. */
   locus: string | null;
+  /** The parameter that follows a curve over frequency that is pulled; null: the controller's gain. */
+  pull: string | null;
   /** Where the travel is to be other than the parameter's own. */
   scales: Record<string, Scale>;
   goals: PanelGoal[];
@@ -35,7 +37,7 @@ export interface PanelState extends View {
   metric: string | null;
 }
 
-const OWN = new Set<string>([...VIEW_KEYS, "s", "cmp", "ref", "k", "rl", "log", "lin", "g", "sn", "ms", "m"]);
+const OWN = new Set<string>([...VIEW_KEYS, "s", "cmp", "ref", "k", "rl", "pl", "log", "lin", "g", "sn", "ms", "m"]);
 
 export function readState(query: URLSearchParams): PanelState {
   const list = (key: string) => listIn(query, key);
@@ -60,6 +62,7 @@ export function readState(query: URLSearchParams): PanelState {
     metric: query.get("m"),
     knobs: list("k") ?? [],
     locus: query.get("rl"),
+    pull: query.get("pl"),
     scales: Object.fromEntries([...(list("log") ?? []).map((path) => [path, "log"]), ...(list("lin") ?? []).map((path) => [path, "linear"])]) as Record<string, Scale>,
     goals: (list("g") ?? []).flatMap(readGoal),
     snapshots: query.getAll("sn").flatMap(readSnapshot),
@@ -84,6 +87,7 @@ export function writeState(state: PanelState, before: URLSearchParams): URLSearc
   put("m", state.metric);
   put("k", state.knobs.join(","));
   put("rl", state.locus);
+  put("pl", state.pull);
   for (const [key, scale] of [["log", "log"], ["lin", "linear"]] as const) put(key, Object.keys(state.scales).filter((path) => state.scales[path] === scale).join(","));
   put("g", state.goals.map(writeGoal).join(","));
   for (const { name, shown, values } of state.snapshots) query.append("sn", [name, shown ? 1 : 0, ...Object.entries(values).map(([path, value]) => `${path}=${round(value)}`)].join(PART));

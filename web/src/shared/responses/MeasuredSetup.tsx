@@ -2,7 +2,7 @@ import { Button, Checkbox, CloseButton, Group, NativeSelect, Popover, Stack, Tex
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { api, must } from "@/shared/api/client";
+import { datasetQuery, readyDatasets } from "@/shared/api/datasets";
 import type { Opened } from "@/shared/live/protocol";
 import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { words } from "@/shared/units/format";
@@ -16,7 +16,8 @@ interface Props {
   onChange(measured: Overlay[]): void;
 }
 
-const MOST = 4;
+/** Recordings over the curves of one page: the live channel takes no more. */
+export const MOST_MEASURED = 4;
 
 /** Which recordings are seen over which curves. */
 export function MeasuredSetup({ measured, opened, output, onChange }: Props) {
@@ -27,14 +28,14 @@ export function MeasuredSetup({ measured, opened, output, onChange }: Props) {
   const [over, setOver] = useState("");
   const [start, setStart] = useState(0);
   const [relative, setRelative] = useState(false);
-  const datasets = useQuery({ queryKey: ["datasets", "choice"], enabled: choosing, queryFn: () => must(api.GET("/v1/datasets", { params: { query: { limit: 100 } } })) }).data?.items.filter((one) => one.status === "ready") ?? [];
-  const known = useQuery({ queryKey: ["dataset", dataset], enabled: dataset !== "", queryFn: () => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: dataset } } })) }).data;
+  const datasets = useQuery({ ...readyDatasets, enabled: choosing }).data ?? [];
+  const known = useQuery({ ...datasetQuery(dataset), enabled: dataset !== "" }).data;
   const channels = known?.channels ?? [];
   return (
     <Group gap="xs" align="center" role="group" aria-label={t("panel.recordings")}>
       <Popover opened={choosing} onChange={setChoosing} width={320} position="bottom-start" withinPortal trapFocus>
         <Popover.Target>
-          <Button variant="default" onClick={() => setChoosing((now) => !now)} disabled={measured.length >= MOST}>
+          <Button variant="default" onClick={() => setChoosing((now) => !now)} disabled={measured.length >= MOST_MEASURED}>
             {t("panel.overlay")}
           </Button>
         </Popover.Target>

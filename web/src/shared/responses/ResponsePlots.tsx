@@ -10,6 +10,7 @@ import { boundAt, factsOf, WANTED, zoneOf, type Facts, type PanelGoal } from "./
 import { curveOf, dampingGrid, dominant, nearest, poleAt, type Locus } from "./locus";
 import { marginsOf, type Margins } from "./margins";
 import { nicholsChart } from "./nichols";
+import { gripAt, PLANES, pointAt, wayOf, type Family, type Plane } from "./pull";
 import classes from "./ResponsePlots.module.css";
 import { frequenciesOf, spectrumOf } from "./spectrum";
 
@@ -19,6 +20,13 @@ export interface PlotsHandle {
   /** Leaves the moving curves of now behind as a shadow. */
   leaveGhost(): void;
   forget(): void;
+}
+
+/** A parameter that follows what is taken hold of. */
+interface Told {
+  label: string;
+  value(): number;
+  text(value: number): string;
 }
 
 interface Props {
@@ -31,7 +39,11 @@ interface Props {
   /** A loop is opened: it has margins. */
   loop: boolean;
   /** A root locus among the poles, with the value at which its parameter is, and how it is called and told. */
-  locus?: { locus: Locus; label: string; value(): number; text(value: number): string } | null;
+  locus?: (Told & { locus: Locus }) | null;
+  /** What the curves do over frequency when they are pulled. */
+  pull?: (Told & { family: Family }) | null;
+  /** A curve was pulled to where the parameter has another value; `done` when it was let go. */
+  onPull?(value: number, done: boolean): void;
   /** The locus was taken to another value; `done` when it was let go. */
   onLocus?(value: number, done: boolean): void;
   /** Of each plot, px. */
@@ -44,12 +56,14 @@ const GHOSTS = 2;
 const TALL = 516;
 /** The id of the grip on a root locus, among those of the goals' zones. */
 const LOCUS = "root locus";
+/** That of the grip on a curve over frequency, before its plane. */
+const PULL = "pull:";
 const EMPTY: Curve = { x: [], y: [] };
 const MEASURED = { light: "#6f42c1", dark: "#c9a7ff" };
 
 /** All plots of a front panel, drawn from frames as they come, without React. */
 export const ResponsePlots = memo(
-  forwardRef<PlotsHandle, Props>(function ResponsePlots({ opened, plots, variants, goals, output, loop, locus = null, onLocus, height, onGoal }, ref) {
+  forwardRef<PlotsHandle, Props>(function ResponsePlots({ opened, plots, variants, goals, output, loop, locus = null, onLocus, pull = null, onPull, height, onGoal }, ref) {
     const { t } = useTranslation();
     const dark = useComputedColorScheme("light") === "dark";
     const handles = useRef(new Map<string, PlotHandle>());
@@ -103,6 +117,9 @@ export const ResponsePlots = memo(
     const line = useMemo(() => locus && curveOf(locus.locus), [locus]);
     /** The branch that is held, or was last. */
     const branch = useRef<number | null>(null);
+    /** The frequency at which a curve is held while it is pulled. */
+    const held = useRef<number | null>(null);
+    const moving = useRef<{ frequency: Float32Array; magnitude: Float32Array; phase: Float32Array; grip: number | null } | null>(null);
 
     const draw = (next: Frame) => {
       frame.current = next;
@@ -120,6 +137,8 @@ export const ResponsePlots = memo(
       const margins = loop && variants[0]?.kind === "current" && next.frequency.length > 1 ? marginsOf(next.frequency, bodeOf(0).magnitude, bodeOf(0).phase) : null;
       const seen = goals.length > 0 ? factsOf(next, opened.curves.indexOf(output), margins, next.frequency.length > 1 ? bodeOf(0).magnitude : null) : null;
       facts.current = seen;
+      const own = pull && variants[0]?.kind === "current" && next.frequency.length > 1 ? { frequency: next.frequency, ...bodeOf(0) } : null;
+      moving.current = own && { ...own, grip: gripAt(own, margins) };
       const step = (next.time[next.time.length - 1]! - next.time[0]!) / Math.max(1, next.time.length - 1);
       // Where there is no list of poles, with a delay, there are no lines of them.
       const listed = next.poles(0).re.some(Number.isFinite);
@@ -172,10 +191,17 @@ export const ResponsePlots = memo(
       return at ? [{ id: LOCUS, shapes: [], handle: { at, axis: "both", label: locus.label, text: locus.text(value) } }] : [];
     };
 
+    /** The grip on the moving curve: at its crossover, or where it is held. */
+    const pullOf = (plane: Plane): Zone[] => {
+      const at = held.current ?? moving.current?.grip ?? null;
+      const point = !pull || !moving.current || at === null ? null : pointAt(moving.current, at, plane);
+      return point ? [{ id: `${PULL}${plane}`, shapes: [], handle: { at: point, axis: "both", label: pull!.label, text: pull!.text(pull!.value()) } }] : [];
+    };
+
     /** What lies behind the curves of one plot: forbidden zones, margins, error bands. */
     const decorOf = (what: string, name: string | undefined, bands: Band[], seen: Facts | null, margins: Margins | null, listed: boolean): Decor => {
       const marks = margins ? marksOf(what, margins) : [];
-      const grips = what === "poles" && listed ? gripOf() : [];
+      const grips = what === "poles" ? (listed ? gripOf() : []) : PLANES.includes(what) ? pullOf(what as Plane) : [];
       const here = seen ? goals.filter((goal) => WANTED[goal.metric]?.plot === what && (name === undefined || name === (goal.output ?? output))) : [];
       if (here.length === 0 && marks.length === 0 && bands.length === 0 && grips.length === 0) return NOTHING;
       const zones = here.flatMap((goal) => {
@@ -188,8 +214,21 @@ export const ResponsePlots = memo(
 
     const latest = useRef(draw);
     latest.current = draw;
-    const forGoals = useRef({ goals, onGoal, locus, onLocus });
-    forGoals.current = { goals, onGoal, locus, onLocus };
+    const forGoals = useRef({ goals, onGoal, locus, onLocus, pull, onPull });
+    forGoals.current = { goals, onGoal, locus, onLocus, pull, onPull };
+    const pulled = (plane: Plane, [x, y]: Point, done: boolean) => {
+      const { pull: now, onPull: follow } = forGoals.current;
+      const curve = moving.current;
+      if (!now || !curve) return;
+      const { frequency } = now.family;
+      // In a Bode plot the curve follows to another frequency; in a plane it is the point of one frequency that moves.
+      const at = plane === "bode" ? Math.min(frequency.at(-1)!, Math.max(frequency[0]!, x)) : (held.current ?? curve.grip);
+      const drawn = at === null ? null : pointAt(curve, at, "nichols");
+      if (at === null || !drawn) return;
+      held.current = done ? null : at;
+      const place = nearest(wayOf(now.family, at, plane, drawn[0]), [plane === "bode" ? 0 : x, y]);
+      if (place) follow?.(place.value, done);
+    };
     const onZone = useCallback((id: string, at: Point, done: boolean) => {
       const { locus: line, onLocus: follow } = forGoals.current;
       const place = id === LOCUS && line ? nearest(line.locus, at) : null;
@@ -197,6 +236,7 @@ export const ResponsePlots = memo(
         branch.current = place.branch;
         follow?.(place.value, done);
       }
+      if (id.startsWith(PULL)) pulled(id.slice(PULL.length) as Plane, at, done);
       const goal = forGoals.current.goals.find((one) => one.metric === id);
       if (goal && facts.current) forGoals.current.onGoal(id, boundAt(goal, at, facts.current), done);
     }, []);
@@ -213,7 +253,7 @@ export const ResponsePlots = memo(
     useEffect(() => {
       branch.current = null;
     }, [locus]);
-    useEffect(drawAnew, [goals, output, loop, locus, drawAnew]);
+    useEffect(drawAnew, [goals, output, loop, locus, pull, drawAnew]);
     const refs = useRef(new Map<string, (handle: PlotHandle | null) => void>());
     const refOf = (kind: string) => {
       const known = refs.current.get(kind);

@@ -1,5 +1,5 @@
-/** A design that can be compared: a revision of a system, or the best of a search. */
-export type DesignRef = { kind: "revision"; id: string; revision: number } | { kind: "search"; id: string };
+/** A design that can be compared: a revision of a system, or what a job has found: the best of a search, an identified model. */
+export type DesignRef = { kind: "revision"; id: string; revision: number } | { kind: "job"; id: string };
 
 /** Of one comparison: as many as a plot can show apart. */
 export const MOST_DESIGNS = 12;
@@ -17,7 +17,7 @@ export function readDesigns(query: URLSearchParams): DesignRef[] {
 function readDesign(text: string): DesignRef[] {
   const [, system, revision] = /^(sys_\w+)@([1-9]\d*)$/.exec(text) ?? [];
   if (system) return [{ kind: "revision", id: system, revision: Number(revision) }];
-  return /^job_\w+$/.test(text) ? [{ kind: "search", id: text }] : [];
+  return /^job_\w+$/.test(text) ? [{ kind: "job", id: text }] : [];
 }
 
 /** The address of a comparison. */

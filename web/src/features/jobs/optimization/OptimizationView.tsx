@@ -82,7 +82,7 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
               {t("jobs.toPanel")}
             </Button>
             {result.system?.id === found.id && (
-              <Button variant="default" component={Link} to={compareAt([{ kind: "revision", ...result.system }, { kind: "search", id }])}>
+              <Button variant="default" component={Link} to={compareAt([{ kind: "revision", ...result.system }, { kind: "job", id }])}>
                 {t("compare.withStart", { number: result.system.revision })}
               </Button>
             )}
