@@ -171,6 +171,7 @@ def of_the_laboratory(client: httpx.Client, context: BrowserContext, folder: Pat
     verdict = made(client, "/v1/validations", matched)
     found = made(client, "/v1/identifications", {**matched, "parameters": unknowns})
     response = made(client, "/v1/frfs", {"dataset": hammer, "input": "force", "output": "x", "keep": True})
+    kept = client.post("/v1/frfs", json={"dataset": hammer, "input": "force", "output": "x", "keep": True}).json()["id"]
     nightly = {"kind": "validation", "body": matched}
     schedule = made(client, "/v1/schedules", {"name": "nightly check", "cron": "30 2 * * mon-fri", "job": nightly})
     rig, acquisition = measured(client)
@@ -191,6 +192,7 @@ def of_the_laboratory(client: httpx.Client, context: BrowserContext, folder: Pat
     of.add("process", f"/datasets/{hammer}/process?name=filtered&steps={steps}", "[data-testid=step]", sharp)
     long = Mistake(fill={"Segment": "5000"}, press=("Estimate",), at="Segment", said="must")
     of.add("frf", f"/datasets/{hammer}/frf?input=force&outputs=x&segment=16&modes=1", "[data-testid=modes]", long)
+    of.add("kept", f"/results/{kept}", "[data-testid=frf] [role=img] svg")
     of.add("lineage", f"/lineage/{response}", "[data-testid=graph] .react-flow__node")
     tau = "At most, tau"
     heavy = Mistake(fill={tau: "1 kg"}, press=("Find the values",), at=tau, said="kg")

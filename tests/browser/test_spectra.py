@@ -78,6 +78,38 @@ def test_a_resonance_is_found_with_its_bounds(page: Page, client, recording, mod
         page.get_by_role("link", name="Universal file").click()
     # A delimiter, then the number of the kind of dataset.
     assert download.value.path().read_text().split()[:2] == ["-1", "58"]
+    # What was kept has an address of its own, and what is said of it leads there.
+    page.get_by_role("link", name="Open what was kept").click()
+    page.wait_for_url("**/results/res_*")
+    expect(page.get_by_test_id("frf").locator("[role=img] svg")).to_have_count(3)
+    page.get_by_role("button", name="Comments", exact=True).click()
+    page.get_by_label("Your comment").fill("the coupling is loose at 60 rad/s")
+    page.keyboard.press("Control+Enter")
+    expect(page.get_by_role("dialog", name="Comments").get_by_role("listitem")).to_have_count(1)
+    kept = page.url.rsplit("/", 1)[1]
+    for words, kind in (("coupling is loose", "comments"), (kept, "results")):
+        page.goto("/about")
+        page.get_by_test_id("checks").wait_for()
+        page.keyboard.press("Control+k")
+        expect(page.get_by_test_id("finder-state")).to_have_attribute("data-pending", "false")
+        page.keyboard.type(words)
+        page.get_by_test_id("found").locator(f"[data-kind={kind}]").click()
+        page.wait_for_url(f"**/results/{kept}")
+
+
+def test_a_spectrum_and_curves_that_are_kept_are_drawn(page: Page, client, recording, model) -> None:
+    step = {"port": "f", "signal": {"kind": "step"}}
+    for path, body, charts in (
+        ("spectra", {"dataset": recording, "channel": "x"}, 1),
+        ("simulations", {"system": model, "input": step}, 1),
+        ("frequency-responses", {"system": model, "from": "f", "to": "x"}, 2),
+    ):
+        kept = client.post(f"/v1/{path}", json=body | {"keep": True}).json()["id"]
+        page.goto(f"/results/{kept}")
+        expect(page.get_by_test_id("kept").locator("[role=img] :is(svg, canvas)")).to_have_count(charts)
+        assert faults(page) == []
+    page.goto("/results/res_nothing")
+    expect(page.get_by_role("alert")).to_contain_text("res_nothing")
 
 
 def test_a_result_leads_back_to_its_samples_and_leaves_as_one_file(page: Page, client, recording) -> None:

@@ -32,6 +32,7 @@ export const router = createBrowserRouter([
       { path: "datasets/:id/process", lazy: async () => ({ Component: (await import("@/features/datasets/processing/ProcessPage")).ProcessPage }) },
       { path: "datasets/:id/import", lazy: async () => ({ Component: (await import("@/features/datasets/ImportPage")).ImportPage }) },
       { path: "datasets/:id", lazy: async () => ({ Component: (await import("@/features/datasets/DatasetPage")).DatasetPage }) },
+      { path: "results/:id", lazy: async () => ({ Component: (await import("@/features/datasets/KeptPage")).KeptPage }) },
       { path: "lineage/:id", lazy: async () => ({ Component: (await import("@/features/lineage/LineagePage")).LineagePage }) },
       { path: "identify", lazy: async () => ({ Component: (await import("@/features/matching/IdentifyPage")).IdentifyPage }) },
       { path: "validate", lazy: async () => ({ Component: (await import("@/features/matching/ValidatePage")).ValidatePage }) },

@@ -24,14 +24,14 @@ it("shows six of a kind and tells of the others; the documentation only to whoev
   expect(found(indexOf(entries), " ").map(({ kind }) => kind)).toEqual(["systems"]);
 });
 
-it("offers comments to whoever asks for something, by the whole of their text, where what they are about has a page", () => {
+it("offers comments to whoever asks for something, by the whole of their text", () => {
   const said = (about: string, text: string) => ({ id: "com_1", about, text, author: "Ana", author_id: "key_1", created_at: "2026-01-02T03:04:05Z", deletable: true });
   const long = `Rings at 80 Hz.\n${"and more ".repeat(20)}\nSerial 4711`;
   const entries = [said("job_1", long), said("sys_1", "Kept."), said("ds_1", "Loose."), said("res_1", "Serial 4711, too")].flatMap(commentEntry);
-  expect(entries.map(({ to }) => to)).toEqual(["/jobs/job_1", "/systems/sys_1", "/datasets/ds_1"]);
+  expect(entries.map(({ to }) => to)).toEqual(["/jobs/job_1", "/systems/sys_1", "/datasets/ds_1", "/results/res_1"]);
   expect(entries[0]!.title).toMatch(/^Rings at 80 Hz\. and more .*…$/);
   expect(entries[0]!.about).toBe("Ana · 2026-01-02");
-  expect(titles(entries, "serial 4711")).toEqual([entries[0]!.title]);
+  expect(titles(entries, "serial 4711")).toEqual([entries[3]!.title, entries[0]!.title]);
   expect(titles(entries, "")).toEqual([]);
 });
 

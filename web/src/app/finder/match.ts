@@ -11,7 +11,7 @@ export interface Entry {
   outside?: boolean;
 }
 
-export const KINDS = ["pages", "systems", "optima", "jobs", "datasets", "schedules", "rigs", "acquisitions", "comments", "documentation"] as const;
+export const KINDS = ["pages", "systems", "optima", "jobs", "datasets", "results", "schedules", "rigs", "acquisitions", "comments", "documentation"] as const;
 export type Kind = (typeof KINDS)[number];
 
 export interface Found {

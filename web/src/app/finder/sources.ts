@@ -54,12 +54,15 @@ async function ofJobs(t: TFunction, client: QueryClient): Promise<Source> {
 /** Letters of a comment that stand in the list. */
 const SHOWN = 90;
 
-/** A comment leads to what it is about; kept results have no page. */
+/** A comment leads to what it is about. */
 export function commentEntry({ id, about, text, author, created_at }: Comment): Entry[] {
-  const place = { sys: `/systems/${about}`, ds: `/datasets/${about}`, job: `/jobs/${about}` }[about.split("_")[0]!];
+  const place = { sys: `/systems/${about}`, ds: `/datasets/${about}`, job: `/jobs/${about}`, res: `/results/${about}` }[about.split("_")[0]!];
   const line = text.replace(/\s+/g, " ").trim();
   return place === undefined ? [] : [{ kind: "comments", title: line.length > SHOWN ? `${line.slice(0, SHOWN - 1)}…` : line, about: `${author} · ${day(created_at)}`, words: `${line} ${id} ${about}`, to: place }];
 }
+
+/** Kinds of results that are asked for and kept. */
+const STUDIES = new Set(["frf", "spectrum", "simulation", "frequency_response", "influence"]);
 
 const PAGES: [to: string, key: string][] = [
   ["/systems", "nav.systems"],
@@ -107,6 +110,13 @@ const read: Partial<Record<Kind, (t: TFunction, client: QueryClient) => Promise<
   datasets: async (t) => {
     const { items, cut } = await all((query) => must(api.GET("/v1/datasets", { params: { query } })));
     return { cut, entries: items.map(({ id, name, status, format, created_at }) => ({ kind: "datasets", title: name || id, about: [t(`status.${status}`, status), format, day(created_at)].filter(Boolean).join(" · "), words: id, to: `/datasets/${id}` })) };
+  },
+  results: async (t, client) => {
+    const [{ items, cut }, systems] = await Promise.all([all((query) => must(api.GET("/v1/results", { params: { query } }))), systemsOf(client)]);
+    const names = new Map(systems.items.map(({ id, name }) => [id, name]));
+    // What a job has found is found as that job.
+    const kept = items.filter(({ kind }) => STUDIES.has(kind));
+    return { cut, entries: kept.map(({ id, kind, system, created_at }) => ({ kind: "results", title: [t(`jobs.kinds.${kind}`, words(kind)), system && (names.get(system.id) || system.id)].filter(Boolean).join(": "), about: day(created_at), words: id, to: `/results/${id}` })) };
   },
   schedules: async (t) => {
     const { items, cut } = await all((query) => must(api.GET("/v1/schedules", { params: { query } })));

@@ -211,7 +211,7 @@ function Channel({ name, data, index, onZoom }: { name: string; data: components
   return <Plot spec={spec} curves={curves} height={200} summary={t("datasets.summary", { name, unit: data.unit })} onZoom={onZoom} />;
 }
 
-function Spectrum({ name, reply }: { name: string; reply: components["schemas"]["SpectrumReply"] }) {
+export function Spectrum({ name, reply }: { name: string; reply: components["schemas"]["SpectrumReply"] }) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
   const spec = useMemo<PlotSpec>(() => ({ title: t("datasets.spectrumOf", { name }), x: { label: "ω", unit: "rad/s", log: true }, y: { label: t(reply.quantity === "density" ? "spectra.density" : "datasets.amplitude"), unit: prettyUnit(reply.unit) }, series: [{ label: words(name), ...stroke(0, dark), width: 1.2 }], dark }), [name, reply.unit, reply.quantity, dark, t]);

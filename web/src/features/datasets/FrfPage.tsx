@@ -100,7 +100,7 @@ function Form({ id, channels, measured, asked, fields }: { id: string; channels:
         </form>
       </Paper>
       <ProblemAlert error={found.error} shown={SHOWN} />
-      {found.data && <Result reply={found.data} body={body} />}
+      {found.data && <FrfResult reply={found.data} body={body} />}
     </Stack>
   );
 }
@@ -121,9 +121,11 @@ function ModelFields({ system, register, wrong }: { system: string; register: Us
   );
 }
 
-function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }) {
+/** Frequency responses with their bounds and doubts, and what keeps them; `kept` is the id under which they are kept already. */
+export function FrfResult({ reply, body, kept }: { reply: Reply; body: Record<string, unknown>; kept?: string }) {
   const { t } = useTranslation();
   const keep = useMutation({ mutationFn: () => ask({ ...body, keep: true }) });
+  const file = kept ?? keep.data?.id;
   const outputs = Object.entries(reply.outputs);
   const doubts = outputs.flatMap(([output, found]) => found.doubts.map((doubt) => ({ output, detail: doubt.detail })));
   const spec = useMemo(() => {
@@ -145,8 +147,13 @@ function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }
       <Group justify="space-between">
         <Text fz="sm">{body.estimator === MEASURED ? t("spectra.fromFile") : t("spectra.averages", { count: reply.averages, confidence: formatNumber(100 * reply.confidence), resolution: reply.resolution == null ? "–" : formatNumber(reply.resolution) })}</Text>
         <Group gap="xs">
-          {keep.data?.id ? (
-            <Button variant="default" component="a" href={`/v1/frfs/${keep.data.id}/uff`} download={`${keep.data.id}.uff`}>
+          {keep.data?.id && (
+            <Button variant="default" component={Link} to={`/results/${keep.data.id}`}>
+              {t("results.open")}
+            </Button>
+          )}
+          {file ? (
+            <Button variant="default" component="a" href={`/v1/frfs/${file}/uff`} download={`${file}.uff`}>
               {t("spectra.uff")}
             </Button>
           ) : (
