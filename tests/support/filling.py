@@ -54,10 +54,17 @@ SELECT 'ds_' || (100000000 + i), '{workspace}', 'run ' || (i % 1000), 'raw',
        CASE i % 50 WHEN 0 THEN 'failed' ELSE 'ready' END, '[]', 'job_' || (100000000 + i), 1, 0, {time}
 FROM n
 """
+_COMMENTS = """
+INSERT INTO comment (id, workspace_id, job_id, dataset_id, author_id, author_name, text, created_at)
+{numbers}
+SELECT 'com_' || (100000000 + i), '{workspace}', CASE WHEN i % 2 = 1 THEN 'job_' || (100000000 + i) END,
+       CASE WHEN i % 2 = 0 THEN 'ds_' || (100000000 + i) END, 'key_1', 'someone', 'said', {time}
+FROM n
+"""
 
 
-def fill(database: Database, *, jobs: int, events: int, datasets: int) -> None:
-    """Fill the tables of a migrated database; ``events`` is the number for each job."""
+def fill(database: Database, *, jobs: int, events: int, datasets: int, comments: int = 0) -> None:
+    """Fill the tables of a migrated database; ``events`` is the number for each job, ``comments`` are on jobs and recordings in turn."""
     with database.engine.begin() as connection:
         spread = {"workspace": DEFAULT_WORKSPACE, "kinds": KINDS, "schedule": SCHEDULE, "events": events}
         spread |= {
@@ -65,7 +72,8 @@ def fill(database: Database, *, jobs: int, events: int, datasets: int) -> None:
             "time": _time(connection, "i"),
             "event_time": _time(connection, f"(i / {events})"),
         }
-        for statement, count in ((_RESULTS, jobs), (_JOBS, jobs), (_EVENTS, jobs * events), (_DATASETS, datasets)):
+        filled = [(_RESULTS, jobs), (_JOBS, jobs), (_EVENTS, jobs * events), (_DATASETS, datasets)]
+        for statement, count in [*filled, *([(_COMMENTS, comments)] if comments else [])]:
             numbers = _NUMBERS.format(count=count)
             connection.execute(text(statement.format(numbers=numbers, **spread).replace(":", "\\:")))
 

@@ -17,13 +17,13 @@ from storage.imports import abandon
 from storage.jobs import requeue
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE, JobStatus, Workspace
-from storage.repositories import DatasetRepository, JobRepository, ResultRepository, jobs, schedules
+from storage.repositories import CommentRepository, DatasetRepository, JobRepository, ResultRepository, jobs, schedules
 from storage.repositories.lineage import LineageRepository
 from tests.support.filling import ALIVE, BEGIN, SCHEDULE, analyze, fill, moment
 from tests.support.plans import watched
 
 JOBS = DATASETS = 20_000
-LARGE = {"job", "job_event", "dataset"}
+LARGE = {"job", "job_event", "dataset", "comment"}
 #: Rows read in vain by one statement (Postgres) and instructions (SQLite, some ten for a row that is looked at and some thousand for
 #: the last page of a list): a twentieth of the table.
 MOST = {"postgresql": JOBS // 20, "sqlite": 50_000}
@@ -35,7 +35,7 @@ RECORDING = "ds_100000005"
 @pytest.fixture(scope="module")
 def filled(module_database_url: str) -> Iterator[Database]:
     database = open_database(module_database_url)
-    fill(database, jobs=JOBS, events=5, datasets=DATASETS)
+    fill(database, jobs=JOBS, events=5, datasets=DATASETS, comments=JOBS)
     yield database
     database.dispose()
 
@@ -49,6 +49,10 @@ def queue(filled: Database) -> Iterator[JobQueue]:
 
 def jobs_of(session: Session) -> JobRepository:
     return JobRepository(session, DEFAULT_WORKSPACE)
+
+
+def comments_of(session: Session) -> CommentRepository:
+    return CommentRepository(session, DEFAULT_WORKSPACE)
 
 
 def far_down(session: Session) -> str | None:
@@ -97,6 +101,14 @@ ASKED: dict[str, Callable[[Session], object]] = {
     "the newest recording of no name": lambda session: DatasetRepository(session, DEFAULT_WORKSPACE).newest("none"),
     "an import that ends": lambda session: abandon(session, ENDED, {}),
     "kept answers of a kind": lambda session: ResultRepository(session, DEFAULT_WORKSPACE).page(kind="simulation"),
+    "comments": lambda session: comments_of(session).page(),
+    "comments, further down": lambda session: comments_of(session).page(cursor=comments_of(session).page().next_cursor),
+    "comments on a job": lambda session: comments_of(session).page(subject=ENDED),
+    "comments on a recording": lambda session: comments_of(session).page(subject="ds_100000006"),
+    "comments on what has none": lambda session: comments_of(session).page(subject="res_100000002"),
+    "comments on what is not there": lambda session: comments_of(session).page(subject="sys_gone"),
+    "a comment that is written": lambda session: comments_of(session).create(subject=ENDED, author_id="key_1", author_name="someone", text="said"),
+    "a comment that goes": lambda session: comments_of(session).delete("com_100000006"),
     "lineage": lambda session: LineageRepository(session, DEFAULT_WORKSPACE).graph(RECORDING),
     "lineage of a job": lambda session: LineageRepository(session, DEFAULT_WORKSPACE).graph(ENDED),
 }  # fmt: skip
