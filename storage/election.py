@@ -54,8 +54,13 @@ class Election:
         self._process = processes.this_process()
         self._seen: tuple[str, int] | None = None
         self._since = 0.0
+        self._holder: str | None = None
         #: Whether this candidate was elected when it last looked.
         self.won = False
+
+    def due(self, *, usual: bool) -> bool:
+        """Return whether to look now, where it is ``usual`` or not: the elected one shows each time that he lives, and who sees him end looks at once."""
+        return usual or self.won or processes.alive(self._holder) is False
 
     def elected(self) -> bool:
         """Show that this candidate lives, or look whether the elected one does; return whether this one is elected.
@@ -79,6 +84,7 @@ class Election:
                 return insert_if_absent(
                     session, Elected, role=self._role, holder=self._name, process=self._process, beats=0
                 )
+            self._holder = row.process
             if row.holder != self._name:
                 if (row.holder, row.beats) != self._seen:
                     self._seen, self._since = (row.holder, row.beats), now

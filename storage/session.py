@@ -65,6 +65,19 @@ class Database:
         with self.sessions.begin() as session:
             yield session
 
+    @contextmanager
+    def one_by_one(self) -> Iterator[Session]:
+        """Give a session each statement of which is a transaction of its own: on Postgres one round trip and not three."""
+        if self.engine.dialect.name == "sqlite":
+            with self.session() as session:
+                yield session
+            return
+        with (
+            self.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection,
+            self.sessions(bind=connection) as session,
+        ):
+            yield session
+
     def migrate(self) -> None:
         """Bring every table up to date; two processes that start at once wait for each other.
 

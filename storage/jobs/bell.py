@@ -20,7 +20,7 @@ from storage.session import Database
 
 _CHANNEL = "servotune_work"
 #: s for which a worker asks often after it was woken, s after which it asks unasked, and s between two tries to listen.
-_LIVELY, _UNASKED, _AGAIN = 2.0, 5.0, 1.0
+_LIVELY, _UNASKED, _AGAIN = 2.0, 10.0, 1.0
 #: s between two looks whether the worker ends.
 _LOOK = 0.2
 

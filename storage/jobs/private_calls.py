@@ -5,12 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from dbos import DBOS, DBOSClient
 from dbos._error import DBOSInitializationError
 from sqlalchemy import Engine
+
+#: How often (s) the engine asks what does not change.
+_SELDOM = 60.0
 
 
 def tables_are_current(engine: Engine) -> bool:
@@ -59,3 +64,42 @@ def limit_claims(engine: DBOS, queue: str, free: Callable[[], int], *, wait: Cal
         return found
 
     database.get_queue = get_queue  # type: ignore[method-assign]
+
+
+def rest(engine: DBOS, elected: Callable[[], bool]) -> None:
+    """Let this process ask no more of the database than it needs while there is nothing to do.
+
+    The engine asks each second which queues and schedules there are, whether its internal queue has anything (it never has: workflows of ours
+    have a queue of their own), and whether this process may look after delays and timeouts, which one of all does: the one that
+    is ``elected`` here.
+    """
+    database = engine._sys_db
+    engine._registry.get_internal_queue()._polling_interval_sec = _SELDOM
+    lock = database.background_job_lock
+
+    @contextmanager
+    def lock_of_one(job_name: str) -> Iterator[bool]:
+        if not elected():
+            yield False
+            return
+        with lock(job_name) as acquired:
+            yield acquired
+
+    database.list_queues = _seldom(database.list_queues)  # type: ignore[method-assign]
+    database.list_schedules = _seldom(database.list_schedules)  # type: ignore[method-assign]
+    database.background_job_lock = lock_of_one  # type: ignore[method-assign]
+
+
+def _seldom(ask: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
+    """Return what answers as the last time unless that was long ago."""
+    known: list[Any] = []
+    due_at = 0.0
+
+    def answer(**more: Any) -> list[Any]:
+        nonlocal known, due_at
+        if time.monotonic() >= due_at:
+            known = ask(**more)
+            due_at = time.monotonic() + _SELDOM
+        return known
+
+    return answer

@@ -139,7 +139,8 @@ class Worker:
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)
-            undo.callback(_wait_for_ended, self._launch(zygote))
+            engine = self._launch(zygote)
+            undo.callback(_wait_for_ended, engine)
             undo.callback(self.supervisor.stop, _STOP_TIMEOUT)
             keeper = Keeper(
                 self._database,
@@ -150,6 +151,7 @@ class Worker:
                 ended=self._ended,
             )
             undo.callback(keeper.resign)
+            private_calls.rest(engine, keeper.elected)
             for work, name in (
                 (self.bell.listen, "worker-bell"),
                 (partial(self._beat, zygote), "worker-heart"),
@@ -246,7 +248,7 @@ class Worker:
         try:
             while not self._ended.wait(self._heartbeat):
                 try:
-                    with self._database.session() as session:
+                    with self._database.one_by_one() as session:
                         workers = WorkerRepository(session)
                         if not workers.beat(self.name, self._token):
                             _log.warning("worker %s lost its name, because it was silent for too long", self.name)

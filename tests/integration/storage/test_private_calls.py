@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import pytest
 from dbos import DBOS, DBOSClient
-from sqlalchemy import text
+from sqlalchemy import event, text
 
 from storage import Database
 from storage.jobs import private_calls
@@ -140,4 +140,30 @@ def test_what_a_dead_executor_has_left_is_done(engine: DBOS, gate: Gate, fresh_d
     wait_for(looked(gate, 5), "five looks at the queue")
     assert not gate.begun.is_set()
     private_calls.recover([DEAD])
+    assert gate.begun.wait(30)
+
+
+def test_a_process_at_rest_asks_once_for_what_does_not_change(
+    engine: DBOS, gate: Gate, fresh_database: Database
+) -> None:
+    elected = threading.Event()
+    private_calls.rest(engine, elected.is_set)
+    with engine._sys_db.background_job_lock("a job") as acquired:
+        assert not acquired
+    elected.set()
+    with engine._sys_db.background_job_lock("a job") as acquired:
+        assert acquired
+    elected.clear()
+
+    queues = engine._sys_db.list_queues(application_name=NAME)
+    assert [queue.name for queue in queues] == [QUEUE]
+    assert engine._sys_db.list_schedules(application_name=NAME) == []
+    asked: list[str] = []
+    event.listen(fresh_database.engine, "before_cursor_execute", lambda *given: asked.append(given[2]))
+    wait_for(looked(gate, 80), "four seconds of looks, each of which asks for the queue")
+    assert engine._sys_db.list_queues(application_name=NAME) is queues
+    assert sum("workflow_schedules" in statement for statement in asked) <= 1  # one may have been on its way
+    assert [statement for statement in asked if "advisory" in statement] == []
+    gate.free = 1
+    enqueue(fresh_database)
     assert gate.begun.wait(30)
