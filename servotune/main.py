@@ -23,7 +23,18 @@ from servotune.errors import ServiceUnreachableError, ServotuneError
 GROUP = "servotune.commands"
 
 ELSEWHERE = {
-    "servotune-server": ("serve", "worker", "openapi", "backup", "restore", "check", "move", "rig-simulator"),
+    "servotune-server": (
+        "serve",
+        "worker",
+        "openapi",
+        "backup",
+        "restore",
+        "check",
+        "migrate",
+        "move",
+        "move-blobs",
+        "rig-simulator",
+    ),
     "servotune-agent": ("agent",),
 }
 """Distributions beside this one, and the commands that they bring."""

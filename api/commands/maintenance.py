@@ -1,4 +1,4 @@
-"""`servotune backup`, `restore`, `check`, `move`, `move-blobs`: what whoever runs an installation does with its database."""
+"""`servotune backup`, `restore`, `check`, `migrate`, `move`, `move-blobs`: what whoever runs an installation does with its database."""
 
 from __future__ import annotations
 
@@ -119,6 +119,34 @@ def check(argv: Sequence[str]) -> int:
                     return 1
                 findings, what = look(database.engine, objects=settings.objects), "the database"
         return _tell_faults(findings, what=what)
+
+
+def migrate(argv: Sequence[str]) -> int:
+    """Bring every table up to date, and end; where nothing has to be done nothing is.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser_of(
+        "migrate",
+        "Bring the tables of SERVOTUNE_DATABASE_URL (SERVOTUNE_DIRECT_DATABASE_URL behind a pooler) up to date, and end. "
+        "`servotune serve` does that, too, when it starts.",
+    ).parse_args(argv)
+
+    with _speaking():
+        settings = read_settings()
+        with _database(settings.direct_database_url or settings.database_url) as database:
+            before = database.is_current()
+            database.migrate()
+        _say("the tables are up to date" if before else "the tables have been brought up to date")
+        return 0
 
 
 def move(argv: Sequence[str]) -> int:

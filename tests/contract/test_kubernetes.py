@@ -24,7 +24,7 @@ DOCUMENTS: list[dict[str, Any]] = [
 PODS = {
     document["metadata"]["name"]: document["spec"]["template"]
     for document in DOCUMENTS
-    if document["kind"] == "Deployment"
+    if document["kind"] in {"Deployment", "Job"}
 }
 OPENAPI: dict[str, Any] = json.loads((FOLDER.parents[1] / "openapi" / "openapi.json").read_text())
 
@@ -34,8 +34,8 @@ def container(name: str) -> dict[str, Any]:
     return dict(found)
 
 
-def test_there_are_a_service_and_a_worker() -> None:
-    assert set(PODS) == {"servotune-api", "servotune-worker"}
+def test_there_are_a_service_a_worker_and_a_migration() -> None:
+    assert set(PODS) == {"servotune-api", "servotune-worker", "servotune-migrate"}
 
 
 @pytest.mark.parametrize("name", PODS)

@@ -410,3 +410,14 @@ def test_the_commands_are_there(tmp_path) -> None:
     assert done.returncode == 1
     assert "the database must exist" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_migrate_makes_the_tables_once(empty_database_url: str, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("SERVOTUNE_DATABASE_URL", empty_database_url)
+    assert maintenance.migrate([]) == 0
+    assert "have been brought up to date" in capsys.readouterr().out
+    database = open_database(empty_database_url)
+    assert database.is_current()
+    database.dispose()
+    assert maintenance.migrate([]) == 0
+    assert "the tables are up to date" in capsys.readouterr().out
