@@ -12,10 +12,12 @@ interface Props {
   onAdd(ref: DesignRef): void;
   /** Lays a channel of a recording over the curves; left out where there are none. */
   onRecording?: (dataset: string, channel: string) => void;
+  /** Of the designs that are compared. */
+  outputs?: readonly string[];
 }
 
 /** Chooses one more design: a revision of a system, the best of a search that has ended, an identified model; or a recording beside them. */
-export function AddDesign({ full, onAdd, onRecording }: Props) {
+export function AddDesign({ full, onAdd, onRecording, outputs = [] }: Props) {
   const { t, i18n } = useTranslation();
   const [opened, setOpened] = useState(false);
   const [of, setOf] = useState<string | null>(null);
@@ -27,7 +29,8 @@ export function AddDesign({ full, onAdd, onRecording }: Props) {
   const recordings = useQuery({ ...readyDatasets, enabled: opened && onRecording !== undefined }).data ?? [];
   const recording = recordings.find(({ id }) => id === of);
   const channels = useQuery({ ...datasetQuery(of ?? ""), enabled: recording !== undefined }).data?.channels ?? [];
-  const measured = channel || (channels[0] ? String(channels[0].name) : "");
+  // A channel that is called as an output is what is compared with it.
+  const measured = channel || String((channels.find((one) => outputs.includes(String(one.name))) ?? channels[0])?.name ?? "");
   const system = systems.find(({ id }) => id === of);
   const revisions = useQuery({ ...revisionsQuery(of ?? ""), enabled: system !== undefined }).data?.items ?? [];
   const names = new Map(systems.map(({ id, name }) => [id, name || id]));

@@ -51,7 +51,7 @@ export function ComparePage() {
   return (
     <div className="page">
       <PageHead title={t("compare.title")} doc={t("compare.doc")}>
-        {refs.length > 0 && <AddDesign full={refs.length >= MOST_DESIGNS} onAdd={(ref) => choose([...refs, ref])} {...(found.length > 0 && view.measured.length < MOST_MEASURED ? { onRecording } : {})} />}
+        {refs.length > 0 && <AddDesign full={refs.length >= MOST_DESIGNS} onAdd={(ref) => choose([...refs, ref])} {...(found.length > 0 && view.measured.length < MOST_MEASURED ? { onRecording, outputs: openedOf(found, [], 0).curves } : {})} />}
       </PageHead>
       <Stack gap="md">
         <ProblemAlert error={domains.error} />

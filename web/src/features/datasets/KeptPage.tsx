@@ -4,6 +4,7 @@ import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import type { components } from "@/shared/api/schema";
+import { systemQuery } from "@/shared/api/systems";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { download } from "@/shared/plots/export";
@@ -22,6 +23,7 @@ export function KeptPage() {
   const { t } = useTranslation();
   const { id = "" } = useParams();
   const kept = useQuery({ queryKey: ["result", id], staleTime: Infinity, queryFn: () => must(api.GET("/v1/results/{identifier}", { params: { path: { identifier: id } } })) });
+  const of = useQuery({ ...systemQuery(kept.data?.system?.id ?? ""), enabled: kept.data?.system != null, retry: false });
   if (kept.isError) return <ProblemAlert error={kept.error} m="md" onRetry={() => void kept.refetch()} />;
   if (!kept.data) return null;
   const { kind, created_at, system, request } = kept.data;
@@ -34,15 +36,15 @@ export function KeptPage() {
           <>
             {system && (
               <>
-                <Anchor component={Link} to={`/systems/${system.id}/panel`}>
-                  {system.id}
+                <Anchor component={Link} to={`/systems/${system.id}/panel`} inherit underline="always">
+                  {of.data?.document.name || system.id}
                 </Anchor>{" "}
                 · {t("system.revision", { number: system.revision })} ·{" "}
               </>
             )}
             {dataset && (
               <>
-                <Anchor component={Link} to={`/datasets/${dataset}`}>
+                <Anchor component={Link} to={`/datasets/${dataset}`} inherit underline="always">
                   {t("spectra.toRecording")}
                 </Anchor>{" "}
                 ·{" "}

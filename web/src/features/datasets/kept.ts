@@ -18,15 +18,15 @@ const DEGREES = 180 / Math.PI;
 /** The curves of a kept simulation or frequency response, a chart for each quantity; of other kinds none. */
 export function curvesOf(kind: string, result: Record<string, unknown>, t: TFunction): AnalysisSpec[] {
   const variants = (result.variants ?? []) as Variant[];
-  const label = ({ parameters }: Variant, i: number) => Object.entries(parameters ?? {}).map(([path, value]) => `${path} = ${typeof value === "number" ? value : JSON.stringify(value)}`).join(", ") || (variants.length > 1 ? String(i + 1) : t("results.asIs"));
+  const label = ({ parameters }: Variant) => Object.entries(parameters ?? {}).map(([path, value]) => `${path} = ${typeof value === "number" ? value : JSON.stringify(value)}`).join(", ") || t("results.asIs");
   if (kind === "simulation") {
     const outputs = [...new Set(variants.flatMap((one) => Object.keys(one.outputs ?? {})))];
-    return outputs.map((output) => ({ title: words(output), x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: "" }, lines: variants.map((one, i) => ({ label: label(one, i), x: plain(one.time), y: plain(one.outputs?.[output]) })) }));
+    return outputs.map((output) => ({ title: words(output), x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: "" }, lines: variants.map((one) => ({ label: label(one), x: plain(one.time), y: plain(one.outputs?.[output]) })) }));
   }
   if (kind !== "frequency_response") return [];
   const x = { label: "ω", unit: "rad/s", log: true };
   return [
-    { title: t("panel.magnitude"), x, y: { label: t("panel.magnitudeShort"), unit: "dB" }, lines: variants.map((one, i) => ({ label: label(one, i), x: plain(one.frequency), y: plain(one.magnitude).map((size) => 20 * Math.log10(size)) })) },
-    { title: t("panel.phase"), x, y: { label: t("panel.phaseShort"), unit: "°" }, lines: variants.map((one, i) => ({ label: label(one, i), x: plain(one.frequency), y: plain(one.phase).map((angle) => angle * DEGREES) })) },
+    { title: t("panel.magnitude"), x, y: { label: t("panel.magnitudeShort"), unit: "dB" }, lines: variants.map((one) => ({ label: label(one), x: plain(one.frequency), y: plain(one.magnitude).map((size) => 20 * Math.log10(size)) })) },
+    { title: t("panel.phase"), x, y: { label: t("panel.phaseShort"), unit: "°" }, lines: variants.map((one) => ({ label: label(one), x: plain(one.frequency), y: plain(one.phase).map((angle) => angle * DEGREES) })) },
   ];
 }

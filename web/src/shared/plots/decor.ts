@@ -66,7 +66,9 @@ export function paintMarks(u: uPlot, spec: PlotSpec, marks: Mark[]): void {
       const { left, top, width, height } = u.bbox;
       const size = ctx.measureText(mark.text).width;
       const x = Math.min(Math.max((x0 + x1) / 2 + 10 * unit, left + 2 * unit), left + width - size - 4 * unit);
-      const y = Math.min(Math.max((y0 + y1) / 2, top + 12 * unit), top + height - 6 * unit);
+      // Above a level one, where the grip at its end leaves room.
+      const above = Math.abs(y1 - y0) < 8 * unit ? 14 * unit : 0;
+      const y = Math.min(Math.max((y0 + y1) / 2 - above, top + 12 * unit), top + height - 6 * unit);
       ctx.fillStyle = paper;
       ctx.fillRect(x - 2 * unit, y - FONT_SIZE * unit, size + 4 * unit, (FONT_SIZE + 4) * unit);
       ctx.fillStyle = ink;
