@@ -167,3 +167,5 @@ def test_a_process_at_rest_asks_once_for_what_does_not_change(
     gate.free = 1
     enqueue(fresh_database)
     assert gate.begun.wait(30)
+    gate.opened.set()
+    wait_for(lambda: private_calls.running_workflows(engine, QUEUE) == 0, "the end of the workflow")
