@@ -288,12 +288,17 @@ def _length(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequen
 
 
 def _pace(found: Poles, delays: float) -> float:
-    """Return a telling length for a response that does not settle: growth by 1000, or ten times the slowest mode."""
+    """Return a telling length for a response that does not settle: growth by 1000, or ten times the slowest mode.
+
+    Of one that swings 30 periods are enough, however slowly it grows: more are a band of ink that takes minutes.
+    """
     if found.neutral:
         return 20 * delays
-    growing = found.values.real[(found.values.real > 0) & ~found.on_axis & ~found.at_zero]
+    growing = found.values[(found.values.real > 0) & ~found.on_axis & ~found.at_zero]
     if len(growing):
-        return float(np.log(1e3) / growing.max())
+        fastest = growing[growing.real.argmax()]
+        periods = 30 * 2 * np.pi / abs(fastest.imag) if fastest.imag else np.inf
+        return float(min(np.log(1e3) / fastest.real, periods))
     swinging = np.abs(found.values.imag[found.on_axis & ~found.at_zero])
     if len(swinging) and swinging.max() > 0:
         return float(10 * 2 * np.pi / swinging.max())

@@ -80,6 +80,11 @@ class Noise(Signal):
         """Return None: smooth, no polynomial."""
         return 0 if self.rms == 0 else None
 
+    def sines(self) -> FloatArray | None:
+        """Return those that were drawn."""
+        each = np.full(_SINES, self.rms * np.sqrt(2 / _SINES))
+        return np.stack([each, self.frequencies, self.phases], axis=1)
+
 
 def _drawn(seed: int, count: int) -> list[float]:
     """Return numbers evenly drawn from 0..1 by SplitMix64: whole numbers only, so that they are the same everywhere."""

@@ -27,6 +27,9 @@ MOST_STATES: Final = 24
 _SMOOTH: Final = 9
 """Degree of the polynomials that stand for a command which is smooth and no polynomial, a chirp say."""
 _FITS: Final = 1e-13
+_WAVES: Final = 15
+_TURN: Final = 3.2
+"""Degree of the polynomials that stand for many sines, and by how many rad the fastest turns in one: they are off by 2 J_16(1.6) < 3e-15."""
 _SHORTEST: Final = 1e-6
 
 
@@ -80,6 +83,8 @@ class _One:
     drive: Real
     rate: float = 0.0
     turning: bool = False
+    waving: bool = False
+    """Polynomials stand for sines, as far as anyone looks."""
 
 
 def commanded(signals: Sequence[Signal], horizon: float, marks: Sequence[float]) -> Command:
@@ -106,7 +111,7 @@ def commanded(signals: Sequence[Signal], horizon: float, marks: Sequence[float])
     return Command(
         times=times, states=states, flow=flow, drive=drive,
         impulses=np.array([signal.impulse() for signal in signals]), rate=max((one.rate for one in ones), default=0.0),
-        endless=any(signal.final() is None for signal in signals), turning=any(one.turning for one in ones),
+        endless=any(signal.final() is None for signal in signals), turning=any(one.turning or one.waving for one in ones),
         last=max((float(one.times[-1]) for one in ones), default=0.0), jumps=jumps,
     )  # fmt: skip
 
@@ -149,7 +154,7 @@ def _flown(one: _One, state: Real, span: float) -> Real:
 def _made(signal: Signal, horizon: float) -> _One:
     copies = _copies_of_sines(signal)
     if copies is not None:
-        return _turning(*copies)
+        return _turning(*copies) if 2 * len(copies[1]) <= MOST_STATES else _waving(signal, copies[1], horizon)
     degree = signal.degree()
     if degree is None and not signal.impulse():
         return _smooth(signal)
@@ -215,6 +220,22 @@ def _smooth(signal: Signal) -> _One:
     return _One(times=made.times, states=made.states, flow=made.flow, drive=made.drive, rate=2.0 / narrowest)
 
 
+def _waving(signal: Signal, sines: Real, horizon: float) -> _One:
+    """Return polynomials that stand for more sines than there may be states, up to ``horizon``; where they begin does not depend on it."""
+    fastest = float(sines[:, 1].max())
+    width = _TURN / fastest
+    known = signal.breakpoints()
+    starts = [t for t in known if t <= horizon] or [known[0]]
+    beyond = max(horizon, starts[0]) + 2 * width  # nobody looks at the last one, which has no end
+    if (beyond - starts[0]) / width > MOST_CORNERS:
+        raise NotCoveredError
+    breaks = np.concatenate([np.arange(a, b, width) for a, b in pairwise([*starts, beyond])])
+    made = _polynomials(signal, breaks, _WAVES)
+    return _One(
+        times=breaks[:-1], states=made.states[:-1], flow=made.flow, drive=made.drive, rate=fastest, waving=True
+    )
+
+
 def _copies_of_sines(signal: Signal) -> tuple[list[tuple[float, float]], Real] | None:
     """Return the copies (time, amplitude) of a sum of sines, and the sines (n, 3): amplitude, frequency, phase; None for others."""
     if isinstance(signal, Copied):
@@ -232,8 +253,6 @@ def _copies_of_sines(signal: Signal) -> tuple[list[tuple[float, float]], Real] |
 
 def _turning(copies: list[tuple[float, float]], sines: Real) -> _One:
     """Return sums of sines that begin at the times of copies."""
-    if 2 * len(sines) > MOST_STATES:
-        raise NotCoveredError
     amplitude, omega, phase = sines.T
     times = np.unique([time for time, _ in copies])
     states = np.zeros((len(times), 2 * len(sines)))

@@ -116,8 +116,8 @@ class Responses:
                 response.command(1.0)
             except (NotCoveredError, UnresolvedError):
                 return
-        if request.metric in _HELD and response.endless:
-            return
+        if request.metric in _HELD and response.endless and not _reaches(request):
+            return  # the exact path says how far it follows an endless response
         response.add(column, request, order, diagram.outputs.index(output))
         self._responses[key] = response
 
@@ -271,6 +271,12 @@ class Responses:
             start=float(response.start), loading=int(np.searchsorted(command.times, response.loading)),
         )  # fmt: skip
         return watched, wanted
+
+
+def _reaches(request: MetricRequest) -> bool:
+    """Return whether a response is followed as far as the straight lines go that it is held against."""
+    last = max(line.times[-1] for line, _ in lines_of(request))
+    return request.duration is not None and request.duration >= last
 
 
 def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:

@@ -37,6 +37,9 @@ MAX_SEGMENTS = 1_000_000
 MAX_STEPS = 30_000
 """So many segments may be computed one by one: some 10 s."""
 
+_TELLING, _HOPELESS = 1000, 3
+"""So many segments in a row tell how many the rest needs; one that needs so many times :data:`MAX_STEPS` is given up at once."""
+
 MOST_AT_ONCE = 8192
 _MOST_HALVINGS = 1000
 
@@ -93,7 +96,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
     plan: list[Segment] = []
     resting = False
-    dearer = 1 + system.m / 10  # what a step costs with many delays
+    effort = _Effort(horizon, dearer := 1 + system.m / 10)  # what a step costs with many delays
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
     smallest = 0.25 / max(run.size, 1e-300)
@@ -105,6 +108,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
         whole, straight = float(gap @ basis), run.strides(float(a @ basis))
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
         position, most = 0.0, 1
+        effort.begin()
         # a trial of twice the width that fails is not repeated soon: it would be most of the work
         waiting, patience, trial = 0, 1, False
         while position < 1.0:
@@ -137,15 +141,37 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
             watch.accept(good)
             run.append(replace(segment, count=good), nodes)
             plan.append(replace(segment, count=good))
-            if run.count > MAX_SEGMENTS or len(plan) * dearer > MAX_STEPS:
-                raise _unresolved("it is too lightly damped, too stiff or has too many delays", horizon)
             resting = resting or _rests(run, watch, segment)
             position += good * width
+            effort.add(run.count, position)
             most = min(2 * most, MOST_AT_ONCE)
             if trial:
                 level, most = level - 1, 1
             previous = whole * 0.5**level
     return run.trajectory(plan)
+
+
+class _Effort:
+    """Steps that were computed, each so many times ``dearer``, and whether the rest of a gap can be reached with those that are left."""
+
+    def __init__(self, horizon: float, dearer: float) -> None:
+        self._horizon, self._dearer = horizon, dearer
+        self._taken = self._known = 0
+        self._reached = 0.0
+
+    def begin(self) -> None:
+        """Enter a gap, in which no command and no echo jumps."""
+        self._known, self._reached = self._taken, 0.0
+
+    def add(self, segments: int, position: float) -> None:
+        """Count a step of a gap that leads to a position, 0 to 1, of it; the response has so many segments in all."""
+        self._taken += 1
+        hopeless = False
+        if self._taken - self._known == _TELLING:
+            hopeless = (1.0 - position) * _TELLING > _HOPELESS * MAX_STEPS * (position - self._reached)
+            self._known, self._reached = self._taken, position
+        if hopeless or segments > MAX_SEGMENTS or self._taken * self._dearer > MAX_STEPS:
+            raise _unresolved("it is too lightly damped, too stiff or has too many delays", self._horizon)
 
 
 def _held(

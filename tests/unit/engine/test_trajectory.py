@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
+from engine.analysis.study import simulate
 from engine.diagram.diagram import compile_system
-from engine.exact.time.run import Trajectory
-from engine.exact.time.trajectory import respond
+from engine.exact.time.run import Run, Trajectory
+from engine.exact.time.trajectory import MAX_STEPS, respond
+from engine.model.errors import UnresolvedError
 from engine.model.linear_system import LaneSystem, LinearSystem
 from engine.model.tangent import INFINITESIMAL, slopes
+from engine.model.verdicts import Verdict
 from engine.signals import make
 from tests.unit.engine.diagrams import block, document
 
@@ -184,6 +187,37 @@ def test_what_is_counted_from_rest_goes_on_as_it_was() -> None:
     late = np.linspace(30.0, 60.0, 7)
     y = response(integrator_with_delay(gain, delay), horizon=100.0).output(0).sample(late)
     assert 1.0 - y == pytest.approx(np.exp(root * late) / (1 + root * delay), rel=1e-9, abs=1e-15)
+
+
+EDGE = np.pi / 2
+"""Gain times delay of an integrator behind a delay at which it swings for ever: e^(-jπ/2) = -j."""
+
+
+@pytest.mark.parametrize("short", [1e-4, 1e-6])
+def test_what_swings_for_too_long_is_given_up_early(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = []
+    step = Run.step
+    monkeypatch.setattr(Run, "step", lambda *given: taken.append(1) or step(*given))
+    with pytest.raises(UnresolvedError, match="too lightly damped"):
+        response(integrator_with_delay(EDGE * (1 - short), 1.0), horizon=50.0 / short)
+    assert len(taken) < MAX_STEPS / 10
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-8])
+def test_a_loop_that_is_unstable_by_little_is_shown_for_some_periods(beyond: float) -> None:
+    diagram = compile_system(
+        document(
+            {
+                "r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=1.0),
+                "axis": block("transfer_function", numerator=[EDGE * (1 + beyond)], denominator=[1.0, 0.0]),
+            },
+            ["r -> e.in1", "e -> late", "late -> axis", "axis -> e.in2"],
+            {"y": "axis"},
+        )
+    )  # fmt: skip
+    found = simulate(diagram, signals={"r": STEP}, outputs=["y"], metrics=["overshoot"])
+    assert found.metrics["y"]["overshoot"].verdict is Verdict.UNSTABLE
+    assert found.time[-1] == pytest.approx(30 * 4.0, rel=0.05)  # a period is four delays
 
 
 def side_by_side(first: complex, second: complex) -> LinearSystem:

@@ -28,7 +28,6 @@ from tests.reference.systems import block, system, transfer_function
 Curve = Callable[[float], float]
 VARIED = list(coverage.GAINS)
 LEFT_TO_OTHERS = {"band_energy"}
-WITHOUT_STATES = {"noise"}
 HELD_TO_LINES = {"tracking_error", "envelope"}
 MAY_VANISH = {"overshoot", "undershoot", "steady_state_error", "ie"}
 MOVE = {"kind": "trapezoid", "distance": 1.0, "max_velocity": 1.0, "max_acceleration": 5.0}
@@ -57,15 +56,18 @@ def test_every_metric_under_every_command_is_that_of_the_exact_path(command: str
     responses = Responses(loop(), requests, VARIED)
     endless = next(iter(requests[0].signals.values())).final() is None
     for request, mine in zip(requests, responses.measured, strict=True):
-        expected = request.metric not in LEFT_TO_OTHERS and command not in WITHOUT_STATES
-        assert mine == (expected and not (endless and request.metric in HELD_TO_LINES)), request
+        without_end = endless and request.duration is None and request.metric in HELD_TO_LINES
+        assert mine == (request.metric not in LEFT_TO_OTHERS and not without_end), request
     if not any(responses.measured):
         return
-    found = responses(points)
+    found, many = responses(points), 0
     for row in range(2):
         exact = measure(loop(), requests, overrides={name: float(column[row]) for name, column in points.items()})
         for column, (request, (measured, _)) in enumerate(zip(requests, exact, strict=True)):
             if not responses.measured[column]:
+                continue
+            if command == "noise" and found.doubtful[row].all():
+                many += 1  # its 20 rad/s for the lifetime of a slow loop are more pieces than there is room for
                 continue
             if found.doubtful[row, column]:  # a remainder of what grows for ever
                 assert (command, request.duration) == ("ramp", None), request
@@ -73,6 +75,7 @@ def test_every_metric_under_every_command_is_that_of_the_exact_path(command: str
                 continue
             value = float(found.values[row, column])
             assert agree(request.metric, value, measured.value), (request, value, measured)
+    assert many <= len(requests)  # the other one is followed
 
 
 def test_poles_are_those_of_the_exact_path() -> None:
