@@ -37,7 +37,9 @@ class Lease:
     def __init__(self, service: Service, agent: str, claim: Mapping[str, Any]) -> None:
         self._service, self._agent, self._claim = service, agent, claim
         self._seconds = float(claim["lease_seconds"])
-        self._pause = _PREVIEW if claim["request"].get("record", True) else _LIVE
+        record = claim["request"].get("record", True)
+        self._pause = _PREVIEW if record else _LIVE
+        self._kept = "what was recorded before is kept" if record else "nothing of it is kept"
         self._until = time.monotonic() + self._seconds
         self._lost: AttemptError | None = None
         self._closely = False
@@ -148,7 +150,7 @@ class Lease:
             reply = self._service.heartbeat(self._claim, document)
         except (KeyRefusedError, RefusedError) as error:
             if isinstance(error, RefusedError) and error.kind == "cancelled":
-                self._lose(AttemptError("cancelled", "the measurement was cancelled; what was recorded before is kept"))
+                self._lose(AttemptError("cancelled", f"the measurement was cancelled; {self._kept}"))
             else:
                 self._lose(AttemptError("lease_lost", f"the measurement was stopped: {error}"))
             raise

@@ -34,6 +34,8 @@ _log = logging.getLogger(__name__)
 _MOST_SEGMENTS = 10_000
 _GIVEN = {"digital": "state"}
 """Kind of an output -> the quantity that it gives, where the kind is not its name."""
+_MOST_TOLD = 1000
+"""Numbers of a drive that its facts repeat."""
 _STRETCHES, _OF_SWEEP = 20, 200
 """Of one preview, and of one sweep."""
 _OFF = 1e-4
@@ -197,11 +199,19 @@ class Measurement:
         return drive
 
     def _driven(self, plan: Plan) -> dict[str, Any] | None:
-        """Return the drive as it was asked for, and what softens its beginning and end (see `agent.safety`)."""
+        """Return the drive as it was asked for, and what softens its beginning and end (see `agent.safety`).
+
+        Of one that came as points their number stands for them: the service has them, and takes no document of any size.
+        """
         if plan.output is None:
             return None
+        drive = self._claim["request"]["drive"]
+        signal = {
+            name: {"points": len(value)} if isinstance(value, list) and len(value) > _MOST_TOLD else value
+            for name, value in drive["signal"].items()
+        }
         softened = {"soft_start": plan.output.soft_start, "soft_stop": plan.output.soft_stop}
-        return {**self._claim["request"]["drive"], **softened}
+        return {**drive, "signal": signal, **softened}
 
     def _fades(self, plan: Plan, rate: float, length: int) -> dict[str, Any]:
         """Say how many repetitions the drive fades in and out in: they are not like the others."""

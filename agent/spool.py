@@ -9,6 +9,7 @@
         begin.json                   what the recording is: rate, start, channels
         000000.f64, 000000.json      samples as the service keeps them, and their SHA-256
         end.json                     how it ended: facts, and the error
+        room                         until then: what a full disk has left for the end
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ MOST_BYTES = 8 * 1024 * 1024
 USUAL_BYTES = 2 * 1024 * 1024
 WINDOWS = os.name == "nt"
 _SUFFIX = ".part"
+_ROOM = 256 * 1024
+"""Bytes that are kept for how an attempt ended: a disk that has become full must not hide that."""
 _HELD = frozenset({5, 32, 33})
 """What Windows answers while another program (a virus scanner, an indexer, a backup) has a file open: ACCESS_DENIED,
 SHARING_VIOLATION, LOCK_VIOLATION."""
@@ -86,6 +89,8 @@ def write_whole(path: Path, data: bytes) -> None:
         patiently(lambda: part.replace(path))
         _flush_folder(path.parent)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
         if getattr(error, "winerror", None) in _HELD:
             detail = (
                 f"{path} is held by another program ({error.strerror}): leave the spool out of virus scans and backups"
@@ -161,6 +166,8 @@ class Run:
 
     def write(self, name: str, document: Mapping[str, Any]) -> None:
         """Write one of the documents."""
+        if name == "end":
+            (self.folder / "room").unlink(missing_ok=True)
         write_json(self.folder / f"{name}.json", document)
 
     @property
@@ -264,9 +271,16 @@ class Spool:
     def open(self, claim: Mapping[str, Any]) -> Run:
         """Make the folder of an attempt."""
         folder = self._folder / "runs" / f"{claim['acquisition']}-{claim['attempt']}"
-        folder.mkdir(exist_ok=True)
         run = Run(folder)
-        run.write("run", claim)
+        try:
+            folder.mkdir(exist_ok=True)
+            run.write("run", claim)
+            write_whole(folder / "room", os.urandom(_ROOM))  # zeros may take no room
+        except (AttemptError, OSError) as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            if isinstance(error, AttemptError):
+                raise
+            raise AttemptError("disk_full", f"{folder.parent} must take a new folder: {error.strerror}") from error
         return run
 
     def used(self) -> int:

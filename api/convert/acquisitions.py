@@ -134,5 +134,11 @@ def check_against_rig(
         raise invalid(
             f"duration of the drive must be <= {longest:g} s, the limit of {output['name']}, got {driven:g}", "duration"
         )
+    soft = sum(float(output.get(name, 0.0)) for name in ("soft_start", "soft_stop"))
+    if driven < soft * (1 - 1e-9):
+        raise invalid(
+            f"duration of the drive must be >= {soft:g} s, soft_start and soft_stop of {output['name']}, got {driven:g}",
+            "duration",
+        )
     if wish is not None:
         check_limits(wish, output, rate=body.sample_rate, duration=request["duration"], averages=request["averages"])

@@ -14,7 +14,7 @@ LONGEST_WAIT = 3600.0
 MOST_BEFORE = 8_000_000
 """Samples before a trigger, of all channels together: the agent keeps them in memory, 64 MB."""
 
-_WITHOUT_RANGE = frozenset({"thermocouple", "encoder", "counter", "digital"})
+_WITHOUT_RANGE = frozenset({"thermocouple", "encoder", "counter"})
 """Kinds of inputs whose `range` says nothing."""
 
 
@@ -60,19 +60,25 @@ def agent_trigger(body: AcquisitionBody, request: dict[str, Any], rig: dict[str,
     if not 0.0 < timeout <= LONGEST_WAIT:
         raise invalid(f"timeout must be > 0 and <= {LONGEST_WAIT:g} s, got {timeout:g}", "trigger", "timeout")
     window = _level(given, unit) if isinstance(given, LevelTrigger) else _window(given, unit, hysteresis)
-    _check_reach(given, [end for end in (window["low"], window["high"]) if end is not None], entry)
+    _check_reach(given, [end for end in (window["low"], window["high"]) if end is not None], entry, hysteresis)
     return {"channel": given.channel, "unit": unit, **window, "hysteresis": hysteresis, "timeout": timeout}
 
 
-def _check_reach(given: LevelTrigger | WindowTrigger, ends: list[float], entry: dict[str, Any]) -> None:
+def _check_reach(
+    given: LevelTrigger | WindowTrigger, ends: list[float], entry: dict[str, Any], hysteresis: float
+) -> None:
     """Refuse a trigger that a channel cannot pass: all of its ends are beyond what the range of the channel lets through."""
-    if entry.get("kind", "voltage") in _WITHOUT_RANGE or "range" not in entry:
+    kind, unit = entry.get("kind", "voltage"), entry.get("unit", "")
+    if kind in _WITHOUT_RANGE or "range" not in entry:
         return
     gain = entry.get("sensitivity", 1.0) * math.prod(stage["gain"] for stage in entry.get("chain", ()))
-    middle, most = entry.get("offset", 0.0), abs(entry["range"] / gain) * (1 + 1e-9)
+    middle, most = (0.5, 0.5) if kind == "digital" else (entry.get("offset", 0.0), abs(entry["range"] / gain))
+    most *= 1 + 1e-9
     if any(abs(end - middle) <= most for end in ends):
+        if isinstance(given, LevelTrigger):
+            room = ends[0] - middle + most if given.edge == "rising" else middle + most - ends[0]
+            _check_back(given, room, unit, hysteresis)
         return
-    unit = entry.get("unit", "")
     what = "level" if isinstance(given, LevelTrigger) else "window"
     told = " ... ".join(f"{end:g}" for end in ends)
     rule = "be" if what == "level" else "begin or end"
@@ -82,6 +88,16 @@ def _check_reach(given: LevelTrigger | WindowTrigger, ends: list[float], entry: 
         "trigger",
         what,
     )
+
+
+def _check_back(given: LevelTrigger, room: float, unit: str, hysteresis: float) -> None:
+    """Refuse a hysteresis by which a channel, which has some room, cannot come back from its level."""
+    if hysteresis > room:
+        detail = (
+            f"hysteresis must be <= {room:.6g} {unit}, by which the range of {given.channel} lets it come back from the level, "
+            f"got {hysteresis:g}"
+        )
+        raise invalid(detail, "trigger", "hysteresis")
 
 
 def _level(given: LevelTrigger, unit: str) -> dict[str, Any]:

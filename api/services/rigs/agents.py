@@ -14,7 +14,7 @@ from api.problems.documents import Fault, Problem, invalid, invalid_document
 from api.problems.pointers import Place
 from api.schemas.rigs import AgentRequest, RigInputDocument, RigOutputDocument
 from api.services.operation.app_context import Caller
-from api.units.conversion import UnitError, to_si
+from api.units.conversion import UnitError, factor, to_si
 from storage.clock import shared_now
 from storage.models import Agent, Rig
 from storage.models.base import utc_now
@@ -67,6 +67,10 @@ def _check_input(entry: RigInputDocument, number: int) -> None:
     place = ("document", "inputs", number)
     check_unit(entry.unit, name=f"unit of {entry.name}", place=(*place, "unit"))
     _check_kind(entry, place=(*place, "unit"))
+    try:
+        factor(entry.unit, "")
+    except UnitError as error:  # a recording could have it, but nothing is computed from it
+        raise invalid(f"unit of {entry.name}: {error}", *place, "unit") from error
     if entry.sensitivity == 0.0:
         raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
     for k, stage in enumerate(entry.chain):

@@ -231,9 +231,7 @@ def _waving(signal: Signal, sines: Real, horizon: float) -> _One:
         raise NotCoveredError
     breaks = np.concatenate([np.arange(a, b, width) for a, b in pairwise([*starts, beyond])])
     made = _polynomials(signal, breaks, _WAVES)
-    return _One(
-        times=breaks[:-1], states=made.states[:-1], flow=made.flow, drive=made.drive, rate=fastest, waving=True
-    )
+    return _One(times=breaks[:-1], states=made.states[:-1], flow=made.flow, drive=made.drive, rate=fastest, waving=True)
 
 
 def _copies_of_sines(signal: Signal) -> tuple[list[tuple[float, float]], Real] | None:

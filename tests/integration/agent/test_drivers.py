@@ -91,7 +91,7 @@ def test_a_trigger_is_found_to_the_sample(other) -> None:
 def test_an_overload_is_seen(other) -> None:
     other.bench.sensors["cDAQ1Mod1/ai1"] = Sensor(noise=1e-3, hum=6.0, mains=1.0)
     with other.agent():
-        done = other.wait(other.ask(drive=None, duration=1))
+        done = other.wait(other.ask(drive=None, duration=1, sample_rate=51_200 / 31))
     values = other.samples(done["dataset"])
     seen = done["attempts"][0]["facts"]["channels"]["position"]["overload"]
     assert seen["count"] == (abs(values[:, 1]) >= 0.9995 * 5).sum() > 100

@@ -172,3 +172,18 @@ def test_a_long_run_is_streamed_both_ways(lab) -> None:
     assert values.shape == (round(20.1 * 51200), 2)
     k = np.arange(5120, 5120 + 19 * 51200)
     assert np.abs(values[k, 0] - 2 * np.sin(2 * np.pi * 5 * (k - 5120) / 51200)).max() < 2e-6
+
+
+NOISE = {"kind": "noise", "band": ["0.5 Hz", "100 Hz"], "rms": 0.4, "seed": 3}
+
+
+def test_a_drive_that_is_told_as_its_points_may_be_long(lab) -> None:
+    # at some 30 bytes a point, facts that repeat them are a document that the service does not take
+    with lab.agent():
+        done = lab.wait(lab.ask(duration=60, drive={"output": "valve", "signal": NOISE}))
+    assert done["status"] == "done", done
+    told = done["attempts"][0]["facts"]["drive"]["signal"]
+    assert told["values"] == told["time"]
+    assert told["values"]["points"] > 60_000
+    assert done["document"]["drive"]["signal"]["kind"] == "noise"
+    assert lab.samples(done["dataset"])[:, 0].std() == pytest.approx(0.4, rel=0.02)

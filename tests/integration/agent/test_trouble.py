@@ -296,6 +296,34 @@ def test_a_disk_that_fills_up_stops_the_rig_and_what_is_on_it_arrives(lab, monke
     lab.whole(failed["id"])
 
 
+def test_a_disk_without_a_byte_left_does_not_hide_how_a_run_ended(lab, monkeypatch) -> None:
+    """Another program fills the disk: there is no room for a note either, but for what the attempt has kept."""
+    from agent import spool
+
+    real, most = spool.os.fsync, []
+
+    def lying() -> int:
+        return sum(path.stat().st_size for path in lab.spool.rglob("*") if path.is_file())
+
+    def fsync(file) -> None:
+        if not most and len(list(lab.spool.glob("runs/*/*.f64"))) >= 3:
+            most.append(lying())
+        if most and lying() > most[0]:
+            raise OSError(28, "No space left on device")
+        real(file)
+
+    monkeypatch.setattr(spool.os, "fsync", fsync)
+    with lab.agent():
+        failed = lab.wait(lab.ask(duration=3))
+        lab.until(lambda: lab.runs() == [])
+        assert most
+        most[0] = 1 << 40
+        assert lab.wait(lab.ask())["status"] == "done"
+    attempt = failed["attempts"][0]
+    assert (attempt["status"], attempt["error"]["type"]) == ("failed", PROBLEM + "disk_full")
+    lab.whole(failed["id"])
+
+
 def test_a_wrong_clock_does_not_show_in_the_recording(lab, monkeypatch) -> None:
     """The lab PC believes that it is nine years ago; leases run by a steady clock, recordings by the service's."""
     from agent import lease

@@ -167,6 +167,7 @@ def test_a_trigger_is_told_in_the_unit_of_its_channel(client, agent, request, tr
         ({"trigger": LEVEL | {"level": 101}}, "/trigger/level", "must be within -100 ... 100 mm, which is what the range of position lets through, got 101"),
         ({"trigger": WINDOW | {"window": [-200, 300]}}, "/trigger/window", "must begin or end within -100 ... 100 mm"),
         ({"trigger": LEVEL | {"hysteresis": -0.5}}, "/trigger/hysteresis", "hysteresis must be >= 0 mm, got -0.5"),
+        ({"trigger": LEVEL | {"level": -99, "hysteresis": 50}}, "/trigger/hysteresis", "hysteresis must be <= 1 mm, by which the range of position lets it come back from the level, got 50"),
         ({"trigger": LEVEL | {"timeout": 0}}, "/trigger/timeout", "timeout must be > 0 and <= 3600 s, got 0"),
         ({"trigger": LEVEL | {"timeout": "61 min"}}, "/trigger/timeout", "timeout must be > 0 and <= 3600 s, got 3660"),
         ({"trigger": LEVEL | {"edge": "up"}}, "/trigger/edge", "'rising' or 'falling'"),
