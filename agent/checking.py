@@ -28,7 +28,7 @@ _REMEDIES = {
     "unknown_device": "switch it on and check its cable, or correct `name` in [[devices]]",
     "wrong_device": "put the right module in, or correct [[devices]] and the calibrations of its inputs",
     "unsupported_setting": "correct this entry in the settings",
-    "server_unreachable": "start what answers there (the device server, the controller, the other program), or correct where it is in [daq]",
+    "server_unreachable": "start the device server, the controller or the other program, or correct where it is in [daq]",
     "no_driver": "install NI-DAQmx, or name an NI gRPC Device Server as `server` in [daq]",
     "device_busy": "close the other program that uses the device",
     "disk_full": "make room, or put `folder` of [spool] on another disk",
