@@ -134,8 +134,13 @@ def _spool(settings: Settings) -> Finding:
     except AttemptError as error:
         return failed("spool", error)
     waiting = len(spool.runs())
-    told = f"{settings.spool.folder} takes samples, {waiting} recordings wait for the service"
+    verb = "waits" if waiting == 1 else "wait"
+    told = f"{settings.spool.folder} takes samples, {_counted(waiting, 'recording')} {verb} for the service"
     return Finding(result="ok", what="spool", told=told)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def failed(what: str, error: AttemptError) -> Finding:
@@ -159,7 +164,9 @@ class _Rig:
         except AttemptError as error:
             yield failed("hardware", error)
             return
-        yield Finding(result="ok", what="hardware", told=f"{self._hardware.description}, {len(there)} devices")
+        yield Finding(
+            result="ok", what="hardware", told=f"{self._hardware.description}, {_counted(len(there), 'device')}"
+        )
         for device in there:
             told = f"{device['model']}, serial {device['serial']}"
             if device["simulated"]:
@@ -174,6 +181,9 @@ class _Rig:
 
     def _channels(self) -> Iterator[Finding]:
         entries = self._settings.inputs
+        if not entries:
+            told = "there is none: nothing can be measured"
+            yield Finding(result="fails", what="inputs", told=told, remedy="describe each channel in an [[inputs]]")
         fitting: list[InputSettings] = []
         own = [entry for entry in entries if entry.kind not in self._hardware.following]
         for entry in [*own, *(entry for entry in entries if entry not in own)]:

@@ -189,6 +189,13 @@ def _check(settings: Settings) -> None:
         _check_input(entry, kinds)
     for output in settings.outputs:
         _check_output(output)
+    for name, value, least in (
+        ("limit", settings.spool.limit, "> 0"),
+        ("segment", settings.spool.segment, "> 0"),
+        ("reserve", settings.spool.reserve, ">= 0"),
+    ):
+        if not (value > 0.0 or (value == 0.0 and least == ">= 0")):
+            raise SettingsError(f"spool.{name} must be {least}, got {value:g}")
     _check_channels(settings)
 
 

@@ -15,6 +15,8 @@ MOST_SAMPLES = 10**10
 """Of one measurement, all channels together: 80 GB."""
 MOST_OF_SWEEP = 2_000_000
 """Samples of a sweep that is not recorded, of all channels together: the agent has them in memory, 16 MB."""
+_CLOCKED = frozenset({"encoder", "counter", "digital"})
+"""Kinds of inputs without a sample clock of their own."""
 _ADDED: Mapping[str, Any] = {"trigger": None, "record": True, "commanded": False}
 """What a request has had since later versions of the agent, and what it is where nothing is asked for."""
 
@@ -120,6 +122,7 @@ def check_against_rig(
         seen.add(name)
     if not request["channels"]:
         raise invalid("channels must have at least one input of the rig beside the output of the drive", "channels")
+    _check_clock(request, rig)
     if body.drive is None:
         return
     output = outputs.get(body.drive.output)
@@ -142,3 +145,14 @@ def check_against_rig(
         )
     if wish is not None:
         check_limits(wish, output, rate=body.sample_rate, duration=request["duration"], averages=request["averages"])
+
+
+def _check_clock(request: Mapping[str, Any], rig: Mapping[str, Any]) -> None:
+    """Refuse inputs none of which has a sample clock."""
+    kinds = {entry["name"]: entry.get("kind", "voltage") for entry in rig.get("inputs", ())}
+    if all(kinds[name] in _CLOCKED for name in request["channels"]):
+        raise invalid(
+            f"channels must have an analog input, by whose clock {', '.join(sorted(_CLOCKED))} inputs are sampled, got "
+            f"{', '.join(request['channels'])}",
+            "channels",
+        )

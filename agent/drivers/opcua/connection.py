@@ -86,7 +86,7 @@ class Connection:
         deadline = self._settings.deadline
         give_up_at = time.monotonic() + deadline
         while True:
-            left = give_up_at - time.monotonic()
+            left, was_there = give_up_at - time.monotonic(), self._client is not None
             try:
                 return await asyncio.wait_for(self._once(work), max(left, _PAUSE))
             except tuple(_REFUSED) as error:
@@ -96,13 +96,26 @@ class Connection:
             except _LOST as error:
                 await self._drop()
                 if time.monotonic() + _PAUSE > give_up_at:
-                    raise AttemptError(
-                        "server_unreachable",
-                        f"the controller {self._settings.server} must answer within {deadline:g} s: see whether it runs, and "
-                        f"whether the network reaches it ({type(error).__name__}: {error})",
-                    ) from error
-                _log.warning("the session with the controller is lost, and opened anew: %s", type(error).__name__)
+                    raise self._given_up(error) from error
+                if was_there:
+                    _log.warning("the session with the controller is lost, and opened anew: %s", type(error).__name__)
             await asyncio.sleep(_PAUSE)
+
+    def _given_up(self, error: BaseException) -> AttemptError:
+        """Return what a call has become of that had no session within the deadline."""
+        settings = self._settings
+        if type(error) is uaerrors.UaError:  # asyncua's own: nothing of what the controller offers fits
+            return AttemptError(
+                "server_refuses",
+                f"the controller {settings.server} offers no connection that fits [daq]: certificate, private_key and "
+                f"server_certificate belong there where it wants encryption, and only there ({error})",
+            )
+        trust = ", and whether it and this agent have each other's certificates" if settings.secure else ""
+        return AttemptError(
+            "server_unreachable",
+            f"the controller {settings.server} must answer within {settings.deadline:g} s: see whether it runs, whether the "
+            f"network reaches it{trust} ({type(error).__name__}: {error})",
+        )
 
     async def _once(self, work: Callable[[Client], Awaitable[Found]]) -> Found:
         if self._client is None:

@@ -204,11 +204,22 @@ def _attempt(repository: AcquisitionRepository, row: AcquisitionAttempt) -> dict
 def _away(session: Session, row: Acquisition, rig: Rig) -> list[dict[str, Any]]:
     """Say of a measurement that waits that nobody is there to begin it."""
     silent = silence(session, rig)
-    if row.status != AcquisitionStatus.QUEUED or (silent is not None and silent < LEASE):
+    if row.status != AcquisitionStatus.QUEUED:
         return []
+    if silent is not None and silent < LEASE:
+        return _unrested(rig)
     told = "no agent has it" if silent is None else f"it was not for {silent.total_seconds():.0f} s"
     detail = f"the agent of {rig.name} must be heard of every {LEASE.total_seconds():g} s, {told}: the measurement waits until it is back"
     return [{"pointer": "/rig", "level": "warning", "detail": detail}]
+
+
+def _unrested(rig: Rig) -> list[dict[str, Any]]:
+    """Say of a measurement that waits that the rig's hardware keeps its agent from beginning any."""
+    found = [entry for entry in rig.document.get("findings", ()) if entry.get("what") == "hardware"]
+    return [
+        {"pointer": "/rig", "level": "warning", "detail": f"{rig.name} measures nothing before this is mended: {told}"}
+        for told in (f"{entry['told']} - {entry['remedy']}" for entry in found if entry.get("result") == "fails")
+    ]
 
 
 def _other_rate(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ from engine.recordings.spectra.periodic import Repeated, repeated
 
 _MOST_PARTS = 20
 _STEADY = 0.999  # probability of a step that does not drift
-_DRIFT = 0.005  # of H: less does not matter
+_DRIFT = 0.001  # of H: less does not matter
 _TURN = 0.05  # rad within a step: the sine has another frequency than was said
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -253,6 +254,11 @@ def test_no_service_no_key_no_server_are_named(lab) -> None:
     reader = of(checking.check(settings(lab, key="read"), today=TODAY), "fails")
     assert set(reader) == {"service"}
     assert "scope acquire, got read" in reader["service"].told
+
+
+def test_a_rig_without_inputs_measures_nothing(lab) -> None:
+    failed = of(checking.check(replace(settings(lab), inputs=()), today=TODAY), "fails")
+    assert {what: entry.told for what, entry in failed.items()} == {"inputs": "there is none: nothing can be measured"}
 
 
 def test_while_an_agent_has_the_rig_no_channel_is_tried(lab) -> None:

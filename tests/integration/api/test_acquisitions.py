@@ -283,6 +283,28 @@ def test_an_attempt_without_a_word_is_lost_and_never_repeated_by_itself(client, 
     assert len({attempt["dataset"] for attempt in done["attempts"]}) == 2
 
 
+def test_a_measurement_waits_for_a_rig_that_cannot_be_brought_to_rest_and_says_so(client, request) -> None:
+    name = request.node.name
+    found = {"result": "fails", "what": "hardware", "told": "the device is gone", "remedy": "plug it in"}
+    _register(client, rig=name, document=RIG | {"findings": [found]})
+    (told,) = (warning for warning in _ask(client, name)["warnings"] if warning["pointer"] == "/rig")
+    assert told["detail"] == f"{name} measures nothing before this is mended: the device is gone - plug it in"
+    _register(client, rig=name, document=RIG | {"findings": [found | {"result": "ok", "remedy": ""}]})
+    assert not [warning for warning in _ask(client, name)["warnings"] if warning["pointer"] == "/rig"]
+
+
+def test_inputs_without_a_clock_are_not_measured_alone(client, request) -> None:
+    name = request.node.name
+    edges = {"name": "edges", "channel": "Dev1/ctr0", "kind": "counter"}
+    _register(client, rig=name, document=RIG | {"inputs": [*RIG["inputs"], edges]})
+    asked = MEASUREMENT | {"rig": name, "drive": None}
+    refused = client.post("/v1/acquisitions", json=asked | {"channels": ["edges"]})
+    assert refused.status_code == 422, refused.text
+    (wrong,) = refused.json()["errors"]
+    assert (wrong["pointer"], "must have an analog input" in wrong["detail"]) == ("/channels", True), wrong
+    _ask(client, name, drive=None, channels=["edges", "loopback"])
+
+
 def test_a_rig_whose_agent_is_gone_says_so_and_a_measurement_that_waits_for_it(client, service, agent, request) -> None:
     name = request.node.name
     rig = f"/v1/rigs/{client.get(f'/v1/agents/{agent}').json()['rig_id']}"
@@ -351,6 +373,7 @@ def test_an_agent_of_another_rig_has_no_say(client, agent, request) -> None:
     [
         ({"inputs": [RIG["inputs"][0], RIG["inputs"][0]]}, "/document/inputs/1/name"),
         ({"inputs": [RIG["inputs"][0] | {"unit": "parsnip"}]}, "/document/inputs/0/unit"),
+        ({"inputs": [RIG["inputs"][0] | {"unit": "degC"}]}, "/document/inputs/0/unit"),
         ({"inputs": [RIG["inputs"][0] | {"sensitivity": 0}]}, "/document/inputs/0/sensitivity"),
         ({"inputs": [RIG["inputs"][0] | {"kind": "acceleration", "unit": "mm"}]}, "/document/inputs/0/unit"),
         ({"inputs": [RIG["inputs"][0] | {"kind": "force", "unit": "kg"}]}, "/document/inputs/0/unit"),

@@ -169,10 +169,7 @@ def test_an_encrypted_connection_is_for_known_agents_and_for_the_known_controlle
         for change, codes in (
             ({"certificate": stranger, "private_key": stranger_key}, {"server_refuses"}),
             ({"server_certificate": stranger}, {"server_refuses", "server_unreachable"}),
-            (
-                {"certificate": "", "private_key": "", "server_certificate": ""},
-                {"server_refuses", "server_unreachable"},
-            ),
+            ({"certificate": "", "private_key": "", "server_certificate": ""}, {"server_refuses"}),
             ({"private_key": str(tmp_path / "nowhere.pem")}, {"no_certificate"}),
             ({"server_certificate": agent_key}, {"no_certificate"}),
         ):

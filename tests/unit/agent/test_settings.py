@@ -112,6 +112,8 @@ def test_the_later_one_counts(tmp_path) -> None:
             "must begin with a letter .* digits and _ only, .* got 'load cell'",
         ),
         (GOOD.replace('"valve"', f'"{"v" * 65}"'), "64 at most, got 'vvv"),
+        (GOOD + "[spool]\nlimit = -5", "spool.limit must be > 0, got -5"),
+        (GOOD + "[spool]\nreserve = -1", "spool.reserve must be >= 0, got -1"),
         (GOOD + "[daq]\nchunk = 0", "daq.chunk must be > 0 s, got 0"),
         (GOOD + "[daq]\ndeadline = inf", "daq.deadline must be finite, got inf"),
         (GOOD + "[daq]\ndriver = 'nidacmx'", "daq.driver must be one of .*nidaqmx.*, got 'nidacmx'"),
