@@ -18,7 +18,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
+.PHONY: help setup wheels release demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -72,6 +72,9 @@ screenshots: setup  ## write docs/screenshots/ from the pages, with a service of
 # Wheels are for those who have no copy of the repository: servotune, servotune-server with the pages, servotune-agent.
 wheels: setup  ## build the three distributions into dist/
 	@for each in $(DISTRIBUTIONS); do (cd $$each && $(CURDIR)/$(BIN)/python -m hatchling build --target wheel --directory $(CURDIR)/dist) || exit 1; done
+
+release: wheels  ## the wheels in dist/ with the bill of materials of the image, the licences of its parts, and sums
+	@$(BIN)/python distributions/release.py
 
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
 	@$(BIN)/python -m examples.demo
