@@ -42,6 +42,7 @@ UNSEEN = {
     "import-linter",
     "scipy-stubs",
     "hatchling",
+    "cyclonedx-bom",
     "zensical",
     "mkdocstrings-python",
     "openapi-python-client",
