@@ -40,6 +40,8 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
   const plot = useRef<LivePlot | null>(null);
   const shown = useRef<Curve[]>(curves ?? []);
   const behind = useRef<Decor | undefined>(undefined);
+  /** What the picture shows: of other series the curves are still to come. */
+  const drawn = useRef({ spec, curves: shown.current });
 
   const zoom = useRef(onZoom);
   zoom.current = onZoom;
@@ -67,7 +69,9 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
     shown.current = next;
     behind.current = decor;
     holder.current?.removeAttribute("data-waiting");
-    if (next.length === spec.series.length) plot.current?.update(next, decor);
+    if (next.length !== spec.series.length) return;
+    drawn.current = { spec, curves: next };
+    plot.current?.update(next, decor);
   };
   useImperativeHandle(ref, () => ({ update }));
   useEffect(() => {
@@ -93,7 +97,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
             <Menu.Dropdown>
               <Menu.Item onClick={async () => plot.current && download(fileName(spec.title, "png"), await plot.current.png())}>{t("plot.png")}</Menu.Item>
               <Menu.Item onClick={async () => plot.current && download(fileName(spec.title, "svg"), await plot.current.svg())}>{t("plot.svg")}</Menu.Item>
-              <Menu.Item onClick={() => download(fileName(spec.title, "csv"), new Blob([csvOf(spec, shown.current)], { type: "text/csv" }))}>{t("plot.csv")}</Menu.Item>
+              <Menu.Item onClick={() => download(fileName(spec.title, "csv"), new Blob([csvOf(drawn.current.spec, drawn.current.curves)], { type: "text/csv" }))}>{t("plot.csv")}</Menu.Item>
             </Menu.Dropdown>
           </Menu>
         </Group>

@@ -253,6 +253,10 @@ export const ResponsePlots = memo(
     useEffect(() => {
       branch.current = null;
     }, [locus]);
+    // Of other variants than there were, nothing is drawn yet.
+    useEffect(() => {
+      if (frame.current && frame.current.variants.length !== variants.length) holder.current?.removeAttribute("data-frame");
+    }, [variants]);
     useEffect(drawAnew, [goals, output, loop, locus, pull, drawAnew]);
     const refs = useRef(new Map<string, (handle: PlotHandle | null) => void>());
     const refOf = (kind: string) => {
