@@ -305,6 +305,8 @@ def test_curves_over_frequency_are_pulled_and_the_gain_follows(page: Page, clien
     assert middle("nichols") == pytest.approx((x, y + 15), abs=2.5)
     page.mouse.up()
     expect(page).not_to_have_url(re.compile(rf"p\.k={value:g}(&|$)"))
+    # The address is changed first, the entry when the page is drawn anew.
+    expect(entry).not_to_have_value(f"{value:g}")
     assert float(entry.input_value()) < value
     assert faults(page) == []
 
