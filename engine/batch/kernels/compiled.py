@@ -15,7 +15,7 @@ from typing import Any, Final, TypeVar, cast
 import numba
 from llvmlite import ir
 from numba import njit, types
-from numba.core import cgutils
+from numba.core import caching, cgutils
 from numba.extending import intrinsic
 
 LANES: Final = 8
@@ -29,6 +29,19 @@ def _cache() -> Path:
     return Path(home) / "servotune" / f"kernels-{content}"
 
 
+class ByContent(caching.UserProvidedCacheLocator):
+    """Keep the code of a file under its name and content, not under its path: all copies of the same sources share it."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the name of the folder in `CACHE_DIR` for a file's code."""
+        path = Path(py_file)
+        return f"{path.parent.name}_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+
+
+# Where that folder cannot be written, numba's own places are tried in their order.
+_PLACES = ["UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "ZipCacheLocator"]
+vars(numba.config)["CACHE_LOCATOR_CLASSES"] = ",".join([f"{__name__}.ByContent", *_PLACES])
 vars(numba.config)["CACHE_DIR"] = str(_cache())
 
 F = TypeVar("F", bound=Callable[..., Any])

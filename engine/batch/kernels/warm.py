@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from contextlib import suppress
 from pathlib import Path
 
@@ -26,12 +25,10 @@ def compiled_before() -> bool:
 
 
 def _mark() -> Path:
-    """Return the file that says so: compiled code is kept by the place and the time of each source, and by the processor."""
-    sources = [(path, path.stat()) for path in sorted(Path(__file__).parent.glob("*.py"))]
-    seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in sources]
-    seen += [numba.__version__, llvmlite.binding.get_host_cpu_name()]
-    name = hashlib.sha256("\n".join(seen).encode()).hexdigest()[:16]
-    return Path(vars(numba.config)["CACHE_DIR"]) / f"compiled-{name}"
+    """Return the file that says so, in the folder of the sources' content: for a version of the compiler and a processor."""
+    return (
+        Path(vars(numba.config)["CACHE_DIR"]) / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
+    )
 
 
 def warm() -> None:

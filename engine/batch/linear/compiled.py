@@ -14,9 +14,12 @@ from engine.batch.kernels import compiled as kernels
 F = TypeVar("F", bound=Callable[..., Any])
 
 _SETTINGS = vars(numba.config)
+_KERNELS = Path(_SETTINGS["CACHE_DIR"])  # what is compiled here calls kernels
 _SOURCES = [source.read_bytes() for source in sorted(Path(__file__).parent.glob("*.py"))]
-_CONTENT = hashlib.sha256(b"".join(text for text in _SOURCES if b"\n@compiled\n" in text)).hexdigest()[:16]
-HOME = str(Path(_SETTINGS["CACHE_DIR"]).parent / f"responses-{_CONTENT}")
+_CONTENT = hashlib.sha256(
+    _KERNELS.name.encode() + b"".join(text for text in _SOURCES if b"\n@compiled\n" in text)
+).hexdigest()[:16]
+HOME = str(_KERNELS.parent / f"responses-{_CONTENT}")
 
 
 def _kept(compile_: Callable[[F], F], function: F) -> F:

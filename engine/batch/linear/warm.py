@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,11 +22,8 @@ def compiled_before() -> bool:
 
 
 def _mark() -> Path:
-    """Return the file that says so: compiled code is kept by the place and the time of each source, and by the processor."""
-    sources = [(path, path.stat()) for path in sorted(Path(__file__).parent.glob("*.py"))]
-    seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in sources]
-    seen += [numba.__version__, llvmlite.binding.get_host_cpu_name()]
-    return Path(HOME) / f"compiled-{hashlib.sha256(chr(10).join(seen).encode()).hexdigest()[:16]}"
+    """Return the file that says so, in the folder of the sources' content: for a version of the compiler and a processor."""
+    return Path(HOME) / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
 
 
 def warm() -> None:
