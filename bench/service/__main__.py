@@ -28,12 +28,20 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1, help="processes of the service that the clients ask")
     parser.add_argument("--resting", type=int, default=20, help="workers that have nothing to do, on Postgres")
     parser.add_argument("--rows", type=int, default=1_000_000, help="jobs and recordings in full tables, 0 for none")
-    parser.add_argument("--only", choices=("sqlite", "postgres"), help="let the clients ask this database, and no more")
+    parser.add_argument(
+        "--only",
+        choices=("sqlite", "postgres", "resting"),
+        help="let the clients ask this database, and no more; or let workers rest on Postgres, and no more",
+    )
     given = parser.parse_args()
+    if given.only == "resting":
+        with postgres.server(max_connections="1000") as server:
+            print(at_rest(postgres.create_database(server, "resting"), workers=given.resting))
+        return
     print(f"load of the machine: {', '.join(f'{value:.1f}' for value in os.getloadavg())}; {os.cpu_count()} cores")
     for count, taken, refused in costs():
         print(f"a body of {count} keys, one twice: {1e6 * taken / count:.2f} us a key ({refused})")
-    with tempfile.TemporaryDirectory() as folder, postgres.server() as server:
+    with tempfile.TemporaryDirectory() as folder, postgres.server(max_connections="1000") as server:
         for name in ("sqlite", "postgres") if given.only is None else (given.only,):
 
             def fresh(what: str, name: str = name) -> str:
@@ -49,8 +57,7 @@ def main() -> None:
                     f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {lasted[1]:.1f} s, 2 workers {lasted[2]:.1f} s, {lasted[1] / lasted[2]:.2f}x"
                 )
                 if name == "postgres":
-                    cores = resting(fresh("resting"), workers=given.resting, seconds=30.0)
-                    print(f"{name}: {given.resting} workers at rest: {cores:.3f} cores of the database")
+                    print(at_rest(fresh("resting"), workers=given.resting))
                 for what, taken in tables(fresh("tables"), count=given.rows) if given.rows else ():
                     print(
                         f"{name}: {given.rows:,} jobs, as many recordings, ten times as many events: {what} {1000 * taken:.1f} ms"
@@ -63,6 +70,15 @@ def main() -> None:
             print(
                 f"{name}: {given.clients} clients, one request a second each: reads {times}; {dict(outcome.statuses)}, failed {dict(outcome.failures)}"
             )
+
+
+def at_rest(url: str, *, workers: int) -> str:
+    """Return the line of workers that have nothing to do."""
+    rest = resting(url, workers=workers, seconds=30.0)
+    return (
+        f"postgres: {workers} workers at rest: {rest.cores:.3f} cores of the database, "
+        f"{rest.transactions:.1f} transactions a second and {rest.connections:.1f} connections of each"
+    )
 
 
 if __name__ == "__main__":

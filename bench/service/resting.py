@@ -1,28 +1,55 @@
-"""What workers that have nothing to do cost the database: processor time of Postgres for each second."""
+"""What workers that have nothing to do cost the database: processor time of Postgres, transactions and connections."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+
+from sqlalchemy import text
 
 from bench.service.workers import Desk, working
 
 _TICK = os.sysconf("SC_CLK_TCK")
 
 
-def resting(url: str, *, workers: int, seconds: float) -> float:
-    """Return the cores that Postgres is busy with while so many workers wait for a job."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """What was seen: cores that Postgres is busy with, and transactions in a second and connections of each worker."""
+
+    cores: float
+    transactions: float
+    connections: float
+
+
+def resting(url: str, *, workers: int, seconds: float) -> Rest:
+    """Return what Postgres does while so many workers wait for a job."""
     desk = Desk(url)
     try:
         with working(desk, url, workers):
             time.sleep(20.0)  # in which the last one has done what a worker does once
-            begun, before = time.perf_counter(), _spent()
+            begun, spent, counted = time.perf_counter(), _spent(), _counted(desk)
             time.sleep(seconds)
-            return (_spent() - before) / (time.perf_counter() - begun)
+            took = time.perf_counter() - begun
+            return Rest(
+                cores=(_spent() - spent) / took,
+                transactions=(_counted(desk)[0] - counted[0]) / took / workers,
+                connections=counted[1] / workers,
+            )
     finally:
         desk.close()
+
+
+def _counted(desk: Desk) -> tuple[int, int]:
+    """Return the transactions that the database has seen, and its connections."""
+    with desk.database.engine.connect() as connection:
+        asked = (
+            "SELECT xact_commit + xact_rollback, numbackends FROM pg_stat_database WHERE datname = current_database()"
+        )
+        transactions, connections = connection.execute(text(asked)).one()
+    return int(transactions), int(connections)
 
 
 def _spent() -> float:

@@ -53,6 +53,9 @@ class Bell:
         self._rung = threading.Event()
         self._listening = False
         self._lively_until = time.monotonic() + _LIVELY
+        self._sleeps = 0
+        #: Which of its sleeps this worker is in; None while it asks for jobs.
+        self.asleep: int | None = None
 
     def wake(self) -> None:
         """Wake this worker."""
@@ -62,8 +65,12 @@ class Bell:
         """Return when it is time to ask for a job."""
         if not self._listening or self._ended.is_set():
             return
-        lively = time.monotonic() < self._lively_until
-        if self._rung.wait(0.0 if lively else _UNASKED):
+        if time.monotonic() >= self._lively_until:
+            self._sleeps += 1
+            self.asleep = self._sleeps
+            self._rung.wait(_UNASKED)
+            self.asleep = None
+        if self._rung.is_set():
             self._rung.clear()
             self._lively_until = time.monotonic() + _LIVELY
 

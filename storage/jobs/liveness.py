@@ -17,8 +17,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from storage import processes
-from storage.models import Worker
-from storage.repositories.workers import RETIRED
+from storage.repositories.workers import RETIRED, Heartbeat
 
 
 class Pulse:
@@ -38,7 +37,7 @@ class Pulse:
         self._looked = clock()
         self._silent: dict[str, tuple[str, datetime, float]] = {}  # token, heartbeat, and how long it has been the same
 
-    def dead(self, workers: Sequence[Worker]) -> list[Worker]:
+    def dead(self, workers: Sequence[Heartbeat]) -> list[Heartbeat]:
         """Take note of all workers as they are now, and return those that have stopped or gone silent."""
         now = self._clock()
         passed, self._looked = min(now - self._looked, self._patience / 4), now

@@ -1,7 +1,8 @@
 """What is done for all workers: whatever should be in the queue and is not comes back there.
 
 Every one looks after the dead and after its own claims; the rest is done by the one that is elected. Those that are not ask the
-database half as often, and see by themselves when a process of their machine has ended: a hundred of them must cost it little.
+database half as often, and see by themselves when a process of their machine has ended: a hundred of them must cost it little. A worker
+that sleeps until a job is handed out claims none meanwhile, so it looks once in each sleep whether it has claims.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from storage.jobs.queue import JobQueue
 from storage.jobs.supervision import Supervisor
 from storage.jobs.time_limits import overdue_detail
 from storage.repositories import jobs
-from storage.repositories.workers import PATIENCE, WorkerRepository
+from storage.repositories.workers import PATIENCE, Heartbeat, WorkerRepository
 from storage.session import Database
 
 #: How often (s) a worker looks for jobs that nobody carries.
@@ -49,6 +50,8 @@ class Keeper:
         Its name.
     interval : float
         How often (s) workers show that they live, and this one looks.
+    asleep : callable
+        Which of its sleeps the worker is in; None while it may claim jobs.
     ended : threading.Event
         Ends `run` and `watch`, and is set when one of them ends in any other way.
     """
@@ -61,6 +64,7 @@ class Keeper:
         *,
         worker: str,
         interval: float,
+        asleep: Callable[[], int | None],
         ended: threading.Event,
     ) -> None:
         self._database = database
@@ -68,6 +72,8 @@ class Keeper:
         self._supervisor = supervisor
         self._worker = worker
         self._interval = interval
+        self._asleep = asleep
+        self._without_claims: int | None = None  # the sleep in which nothing was found to be claimed
         self._ended = ended
         self._pulse = Pulse(PATIENCE * interval)
         self._claims = Claims(PATIENCE * interval)
@@ -129,7 +135,7 @@ class Keeper:
         if not (self.elected() or gone or self._watched % _SELDOM == 1):
             return
         with self._database.session() as session:
-            workers = WorkerRepository(session).all()
+            workers = WorkerRepository(session).heartbeats()
         dead = self._pulse.dead(workers)
         self._neighbours = [worker.process for worker in workers if processes.alive(worker.process)]
         if not dead:
@@ -140,14 +146,18 @@ class Keeper:
             self._bury(session, dead)
             ring(session)
 
-    def _bury(self, session: Session, dead: Sequence[models.Worker]) -> None:
+    def _bury(self, session: Session, dead: Sequence[Heartbeat]) -> None:
         for worker in dead:
             WorkerRepository(session).bury(worker.id, token=worker.token, seen_at=worker.seen_at)
 
     def _begin_again(self) -> None:
         """Put jobs that the engine claimed and never began back into the queue."""
+        sleep = self._asleep()
+        if sleep is not None and sleep == self._without_claims:
+            return
         with self._database.session() as session:
             claimed = requeue.claimed(session, self._worker)
+        self._without_claims = None if claimed else sleep
         forgotten = self._claims.forgotten(claimed, in_hand=self._supervisor.in_hand)
         if not forgotten:
             return

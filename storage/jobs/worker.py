@@ -71,7 +71,7 @@ class Worker:
     slots : int
         How many jobs it does at a time.
     heartbeat : float
-        How often (s) it shows that it lives; another one that does not for `PATIENCE` times as long is dead.
+        How often (s) it shows that it lives, half as often while it has nothing to do; another one that does not for `PATIENCE` times as long is dead.
     traced : Traced, optional
         What surrounds each attempt at a job, for whoever collects traces.
     direct : str, optional
@@ -148,6 +148,7 @@ class Worker:
                 self.supervisor,
                 worker=self.name,
                 interval=self._heartbeat,
+                asleep=lambda: self.bell.asleep,
                 ended=self._ended,
             )
             undo.callback(keeper.resign)
@@ -243,10 +244,13 @@ class Worker:
             _log.warning("worker %s could not say that it stops: %s", self.name, error)
 
     def _beat(self, zygote: Zygote) -> None:
-        """Say that the worker lives, and nothing else, so that nothing keeps it from being said."""
-        warm = False
+        """Say that the worker lives, and nothing else, so that nothing keeps it from being said; half as often while it has nothing to do."""
+        warm = said = False
         try:
             while not self._ended.wait(self._heartbeat):
+                if said and not self.supervisor.in_hand:
+                    said = False
+                    continue
                 try:
                     with self._database.one_by_one() as session:
                         workers = WorkerRepository(session)
@@ -257,6 +261,7 @@ class Worker:
                         if not warm and zygote.warm_up_seconds is not None:
                             workers.warmed_up(self.name, self._token, zygote.warm_up_seconds)
                             warm = True
+                    said = True
                 except UNAVAILABLE as error:
                     _log.warning("worker %s cannot reach the database: %s", self.name, error)
         finally:

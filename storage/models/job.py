@@ -155,4 +155,4 @@ class Worker(Base):
     slots: Mapped[int]
     warm_up: Mapped[float | None]
     started_at: Mapped[datetime]
-    seen_at: Mapped[datetime] = mapped_column(index=True)
+    seen_at: Mapped[datetime]  # no index: a heartbeat that changes none is written in place

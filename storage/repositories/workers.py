@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
@@ -20,6 +21,15 @@ PATIENCE = 8
 STALE_AFTER = timedelta(seconds=10)
 #: The heartbeat of a worker that has stopped in good order: it is dead at once.
 RETIRED = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Heartbeat(NamedTuple):
+    """What tells whether a worker lives: see `storage.models.Worker`."""
+
+    id: str
+    token: str
+    seen_at: datetime
+    process: str | None
 
 
 class WorkerRepository:
@@ -88,6 +98,11 @@ class WorkerRepository:
     def all(self) -> Sequence[Worker]:
         """Return every worker that is known, dead ones among them."""
         return self._session.scalars(select(Worker).order_by(Worker.id)).all()
+
+    def heartbeats(self) -> list[Heartbeat]:
+        """Return the heartbeat of every worker that is known, dead ones among them."""
+        rows = self._session.execute(select(Worker.id, Worker.token, Worker.seen_at, Worker.process))
+        return [Heartbeat(*row) for row in rows]
 
     def bury(self, identifier: str, *, token: str, seen_at: datetime) -> None:
         """Delete a dead worker, unless it has shown itself since; one that comes back later takes another name."""

@@ -106,9 +106,9 @@ class Server:
 
 
 @contextmanager
-def server() -> Iterator[str]:
-    """Run a server; give its URL without a database's name."""
-    own = Server()
+def server(**settings: str) -> Iterator[str]:
+    """Run a server, with settings in place of those of `SETTINGS`; give its URL without a database's name."""
+    own = Server(**settings)
     try:
         own.start()
         yield own.url

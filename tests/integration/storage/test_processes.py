@@ -66,8 +66,8 @@ def test_a_worker_of_this_machine_is_missed_without_waiting_for_its_heartbeats(d
         workers = WorkerRepository(session)
         workers.claim("here", token="a", process=other.name, **holder)
         workers.claim("elsewhere", token="b", process=None, **holder)
-        assert pulse.dead(workers.all()) == []
+        assert pulse.dead(workers.heartbeats()) == []
         other.process.kill()
         other.process.wait()
-        assert [worker.id for worker in pulse.dead(workers.all())] == ["here"]
+        assert [worker.id for worker in pulse.dead(workers.heartbeats())] == ["here"]
         assert session.get_one(Worker, "here").process == other.name

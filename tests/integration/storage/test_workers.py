@@ -42,15 +42,15 @@ def test_silence_is_death_whatever_the_clocks_of_the_machines_say(database):
             workers.claim(name, token=name, replaces=None, **HOLDER)
             session.get_one(Worker, name).seen_at = utc_now() + timedelta(seconds=ahead)
         session.flush()
-        assert pulse.dead(workers.all()) == []
+        assert pulse.dead(workers.heartbeats()) == []
         for _ in range(5):
             clock.now += 1.9
             workers.beat("on time", "on time")
-            assert pulse.dead(workers.all()) == []
+            assert pulse.dead(workers.heartbeats()) == []
         clock.now += 0.6
-        assert {worker.id for worker in pulse.dead(workers.all())} == {"fast", "slow"}
+        assert {worker.id for worker in pulse.dead(workers.heartbeats())} == {"fast", "slow"}
         workers.retire("on time", "on time")
-        assert len(pulse.dead(workers.all())) == 3
+        assert len(pulse.dead(workers.heartbeats())) == 3
 
 
 def test_while_nobody_can_look_nobody_dies(database):
@@ -61,16 +61,16 @@ def test_while_nobody_can_look_nobody_dies(database):
         workers = WorkerRepository(session)
         for name in ("back", "dead"):
             workers.claim(name, token=name, replaces=None, **HOLDER)
-        assert pulse.dead(workers.all()) == []
+        assert pulse.dead(workers.heartbeats()) == []
         clock.now += 3600.0
-        assert pulse.dead(workers.all()) == []
+        assert pulse.dead(workers.heartbeats()) == []
         clock.now += 2.0
         workers.beat("back", "back")
         for _ in range(3):
-            assert pulse.dead(workers.all()) == []
+            assert pulse.dead(workers.heartbeats()) == []
             clock.now += 2.0
         clock.now += 0.5
-        assert [worker.id for worker in pulse.dead(workers.all())] == ["dead"]
+        assert [worker.id for worker in pulse.dead(workers.heartbeats())] == ["dead"]
 
 
 def test_a_dead_worker_is_buried_unless_it_shows_itself(database):
