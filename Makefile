@@ -73,8 +73,8 @@ screenshots: setup  ## write docs/screenshots/ from the pages, with a service of
 wheels: setup  ## build the three distributions into dist/
 	@for each in $(DISTRIBUTIONS); do (cd $$each && $(CURDIR)/$(BIN)/python -m hatchling build --target wheel --directory $(CURDIR)/dist) || exit 1; done
 
-release: wheels  ## the wheels in dist/ with the bill of materials of the image, the licences of its parts, and sums
-	@$(BIN)/python distributions/release.py
+release: wheels  ## the wheels in dist/ with the bill of materials of the image, the licences of its parts, and sums, signed where KEY names an SSH key
+	@$(BIN)/python distributions/release.py $(KEY)
 
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
 	@$(BIN)/python -m examples.demo

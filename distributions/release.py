@@ -1,6 +1,8 @@
 """What goes with the wheels of a release in dist/: the bill of materials of the image (CycloneDX), the licences of its parts, sums.
 
-    python distributions/release.py        (make release builds the wheels first)
+    python distributions/release.py [KEY]        (make release, make release KEY=..., build the wheels first)
+
+With the file of an SSH key the sums are signed: SHA256SUMS.sig, which `ssh-keygen -Y verify` holds against the key's public half.
 
 The parts are those that the image runs (requirements-image.lock), as they are installed here: their versions are the same in
 requirements.lock. Facts on licences are those that each package states of itself, and ``STATED`` where it states none in words
@@ -25,6 +27,8 @@ STATED = {
     "zstd": "BSD-2-Clause",
 }
 """Package -> the licence that its text is."""
+NAMESPACE = "servotune-release"
+"""What a signature is for: it is none of anything else that the key signs."""
 _CLASSIFIER = "License :: OSI Approved :: "
 
 
@@ -85,8 +89,25 @@ def licences(found: dict[str, Any]) -> str:
 
 def sums(folder: Path) -> str:
     """Return the SHA-256 of every file, as `sha256sum --check` reads them."""
-    files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != "SHA256SUMS")
+    files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("SHA256SUMS"))
     return "".join(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files)
+
+
+def sign(file: Path, key: Path) -> Path:
+    """Sign a file with an SSH key; return the signature, which lies beside it.
+
+    Raises
+    ------
+    SystemExit
+        Where the key cannot sign.
+    """
+    signature = file.with_name(f"{file.name}.sig")
+    signature.unlink(missing_ok=True)  # it would ask whether to write over it
+    command = ["ssh-keygen", "-Y", "sign", "-q", "-f", str(key), "-n", NAMESPACE, str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own words
+    if done.returncode or not signature.is_file():
+        raise SystemExit(f"the key must be an SSH key that signs, {key} is none: {done.stderr.strip()}")
+    return signature
 
 
 def _spelled(name: str) -> str:
@@ -101,3 +122,5 @@ if __name__ == "__main__":
     (target / "licences.md").write_text(licences(made), encoding="utf-8")
     (target / "SHA256SUMS").write_text(sums(target), encoding="utf-8")
     sys.stdout.write(f"{target}: sbom.cdx.json, licences.md ({len(made['components'])} parts) and SHA256SUMS\n")
+    if sys.argv[1:]:
+        sys.stdout.write(f"{sign(target / 'SHA256SUMS', Path(sys.argv[1])).name}\n")
