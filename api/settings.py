@@ -38,6 +38,7 @@ class Settings(BaseSettings):
     database_url: str = Field(default="sqlite:///./servotune.db", repr=False)
     direct_database_url: str | None = Field(default=None, repr=False)
     blob_store: Literal["database", "objects"] = "database"
+    keep_originals: Literal["always", "until-verified"] = "always"
     object_store: str | None = Field(default=None, pattern=ADDRESS, validate_default=True)
     bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200, repr=False)
     public_url: str | None = Field(default=None, pattern="^https?://[^/?#]+/?$")

@@ -148,6 +148,8 @@ class _Run:
         folder = f"datasets/{node['id']}"
         recorded = self._bundle.document(f"{folder}/dataset.json")
         document = self._renamed(recorded["document"] or {})
+        if recorded["format"] != "processed" and not self._bundle.has(f"{folder}/original"):
+            return _skipped(node, f"its file was left out where it came from; its samples are in {folder}/channels")
         if self._bundle.has(f"{folder}/original"):
             made = self._sent(document, f"{folder}/original")
         else:

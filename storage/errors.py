@@ -90,6 +90,16 @@ class NotFoundError(StorageError):
         self.identifier = identifier
 
 
+class LeftOutError(StorageError):
+    """The original of a recording is not kept any more, as the operator wants it."""
+
+    def __init__(self, identifier: str, sha256: str | None) -> None:
+        super().__init__(
+            f"the original of dataset {identifier!r} (SHA-256 {sha256}) is not kept: it was left out, as this installation is set, "
+            "after its channels had been read back and were the same; export gives its samples"
+        )
+
+
 class RevisionConflictError(StorageError):
     """The document has changed since the revision that the caller knows."""
 

@@ -19,6 +19,7 @@ from storage.errors import (
     IdempotencyRunningError,
     InvalidCursorError,
     LeaseLostError,
+    LeftOutError,
     MissingSegmentsError,
     NotFoundError,
     QuotaExceededError,
@@ -37,6 +38,7 @@ class RecalledError(Exception):
 #: Storage's exceptions: status and the last part of the type URI.
 _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     NotFoundError: (404, "not-found"),
+    LeftOutError: (410, "original-left-out"),
     RevisionConflictError: (412, "revision-conflict"),
     CancelledError: (409, "cancelled"),
     LeaseLostError: (409, "lease-lost"),

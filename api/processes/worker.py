@@ -190,7 +190,10 @@ def _validation(job: ComputeJob, database: Database, reporter: Reporter) -> Mapp
 
 
 def _dataset(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
-    return parsing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
+    leaving_out = Settings().keep_originals == "until-verified"
+    return parsing.run(
+        job.body, database=database, workspace=job.workspace_id, progress=reporter.progress, leaving_out=leaving_out
+    )
 
 
 def _preview(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

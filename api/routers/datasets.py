@@ -23,6 +23,7 @@ from api.http.calls import (
     expected_revision,
     respond,
 )
+from api.problems.documents import MEDIA_TYPE
 from api.schemas.datasets import CommitRequest, DatasetRequest, PreviewRequest
 from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, FunctionReply, Page, PreviewReply, SegmentReply
 from api.services.operation.app_context import Caller, Installation
@@ -203,7 +204,13 @@ def export(
     "/{identifier}/original",
     summary="Get the bytes back",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}},
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        410: {
+            "description": "it was left out, as this installation is set",
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/ProblemReply"}}},
+        },
+    },
 )
 def original(identifier: str, caller: Reader, service: InstallationDep) -> Response:
     """Return the recording as it was received."""

@@ -16,12 +16,14 @@ from storage import quotas
 from storage.audit import record
 from storage.blobs import iterate_bytes, packed, put_packed, sha256_of, without_those_kept
 from storage.channels import ChannelReader, Envelope, Float, write_channels
-from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
+from storage.errors import ChecksumError, LeftOutError, MissingSegmentsError, NotFoundError, StateError
 from storage.ids import new_id
+from storage.imports import RAW
 from storage.insertion import insert_if_absent
 from storage.lineage import remember, sources_in
 from storage.models import Dataset, DatasetSegment, DatasetStatus, ProcessingSource
 from storage.models.base import Document
+from storage.originals import is_left_out, rebuilt
 from storage.pagination import Page, paginate
 
 #: The most bytes in one segment.
@@ -125,7 +127,9 @@ class DatasetRepository:
         actual = sha256_of(data)
         if actual != sha256:
             raise ChecksumError("the content", expected=sha256, actual=actual)
-        self.get(identifier)
+        dataset = self.get(identifier)
+        if sha256 in (dataset.manifest or ()) and is_left_out(self._session, dataset):
+            return False  # it was here: whoever sends it again did not hear so
         # Compressed, and brought to where it will lie, before the first write: in SQLite everybody else waits from then on,
         # heartbeats of a rig among them.
         contents = without_those_kept(self._session, [packed(data, sha256=sha256)])
@@ -210,8 +214,12 @@ class DatasetRepository:
         ------
         StateError
             For one that is still open, a group of another's file, or one that was computed.
+        LeftOutError
+            When its file was left out; raw samples are put together again.
         """
         dataset = self.get(identifier)
+        if dataset.format != RAW and is_left_out(self._session, dataset):
+            raise LeftOutError(identifier, dataset.sha256)
         if dataset.manifest is not None:
             return dataset
         origin = dataset.origin or {}
@@ -227,7 +235,11 @@ class DatasetRepository:
 
     def original(self, identifier: str) -> Iterator[bytes]:
         """Give the bytes of a committed recording, as they were received, piece by piece."""
-        for segment in self.sent(identifier).manifest or ():
+        dataset = self.sent(identifier)
+        if is_left_out(self._session, dataset):
+            yield from rebuilt(self._session, dataset)
+            return
+        for segment in dataset.manifest or ():
             yield from iterate_bytes(self._session, segment)
 
     def received(self, identifier: str, segments: Sequence[str]) -> tuple[int, Iterator[bytes]]:

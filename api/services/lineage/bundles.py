@@ -28,8 +28,10 @@ from api.services.operation.app_context import Caller
 from api.services.recordings.datasets import to_wire
 from api.services.studies.results import versions
 from optimizers import methods
+from storage.imports import RAW
 from storage.models import Job
 from storage.models.base import utc_now
+from storage.originals import is_left_out
 from storage.repositories import (
     DatasetRepository,
     JobRepository,
@@ -142,9 +144,9 @@ def _write(session: Session, workspace: str, node: Node, writer: _Writer, seeds:
         datasets = DatasetRepository(session, workspace)
         row = datasets.get(node.id)
         writer.put(f"datasets/{node.id}/dataset.json", [_json({**_head(node), **to_wire(row)})])
-        if row.manifest is not None:
+        if row.manifest is not None and (row.format == RAW or not is_left_out(session, row)):
             writer.put(f"datasets/{node.id}/original", datasets.original(node.id))
-        else:  # computed, not received: its samples are what a repetition is compared with
+        else:  # computed, or left out: its samples are what a repetition is compared with, or computes with
             for number, channel in enumerate(row.channels):
                 writer.put(f"datasets/{node.id}/channels/{number}.f64", _samples(datasets, node.id, channel))
     elif kind == "job":

@@ -217,7 +217,10 @@ def commit(
     if row.status != DatasetStatus.PARSING or status == DatasetStatus.PARSING:
         return Committed(dataset=to_wire(row), job=None)
     if row.format == "raw" and (row.size or 0) <= raw_samples.AT_ONCE:
-        return Committed(dataset=to_wire(raw_samples.ingest(repository, row)), job=None)
+        row = raw_samples.ingest(repository, row)
+        if service.settings.keep_originals == "until-verified":
+            raw_samples.leave_out_at_once(session, repository, row)
+        return Committed(dataset=to_wire(row), job=None)
     job = jobs.enqueue(
         service, session, caller, kind=PARSING, body={"dataset": identifier}, queue=_in_time(request.queue)
     )

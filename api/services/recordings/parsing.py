@@ -17,9 +17,10 @@ from api.services.recordings.functions import described
 from api.services.recordings.groups import Part, parts_of
 from api.services.recordings.importing import Plan, options, stated
 from api.services.recordings.spooling import Progress, refusing, spooled
-from api.services.recordings.timing import Timing, axis_of, said_of_uneven, timing_of
+from api.services.recordings.timing import Sink, Timing, axis_of, said_of_uneven, timing_of
 from engine.recordings.signal_quality import ChannelQuality, remarks
 from storage.imports import RAW, Import, open_groups, publish
+from storage.originals import Comparison, leave_out
 from storage.repositories import DatasetRepository
 from storage.session import Database
 
@@ -34,8 +35,12 @@ _NO_CHANNELS = (
 )
 
 
-def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
+def run(
+    body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress, leaving_out: bool = False
+) -> dict[str, Any]:
     """Read the channels of a committed file, or of raw samples.
+
+    ``leaving_out`` asks to forget the file once all that is in it is found in the channels.
 
     Raises
     ------
@@ -52,7 +57,9 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         format_, size, stated_start = row.format, row.size or 1, row.start_time
         segments = list(row.manifest or ())
     if format_ == RAW:
-        return raw_samples.run(identifier, database=database, workspace=workspace, progress=progress)
+        return raw_samples.run(
+            identifier, database=database, workspace=workspace, progress=progress, leaving_out=leaving_out
+        )
     with refusing(), ExitStack() as undo:
         file = undo.enter_context(spooled(database, workspace, identifier, segments, progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
@@ -90,7 +97,25 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
             for report in known:
                 report["groups"] = groups
         publish(imports)
+        if leaving_out and len(parts) == 1 and _all_taken(recording, parts[0]):
+            progress(1.0, "comparing what is kept with the file")
+            compared = Comparison(database.session, identifier)
+            _Taking(parts[0].recording, parts[0].plan, compared, _silent, read=lambda: 1.0).all()
+            if compared.same:
+                with database.session() as session:
+                    leave_out(session, workspace, identifier, raw=False)
     return {"dataset": identifier, "sample_count": groups[0]["sample_count"]}
+
+
+def _all_taken(recording: Recording, part: Part) -> bool:
+    """Return whether a file holds nothing but the channels that were taken from it, at the instants that it has."""
+    taken = {*part.plan.places} | ({part.plan.time} if part.plan.time is not None else set())
+    resampled = isinstance(part.plan.document.get("uneven"), Mapping)
+    return len(taken) == len(recording.series) and not (recording.functions or recording.refused or resampled)
+
+
+def _silent(_share: float, _said: str) -> None:
+    """Tell nobody how far it is."""
 
 
 def _without_channels(recording: Recording) -> bool:
@@ -274,7 +299,7 @@ class _Taking:
     """The samples of the chosen channels on their way, watched; ``read`` is the share of the file that has been read."""
 
     def __init__(
-        self, recording: Recording, plan: Plan, writing: Import, progress: Progress, *, read: Callable[[], float]
+        self, recording: Recording, plan: Plan, writing: Sink, progress: Progress, *, read: Callable[[], float]
     ) -> None:
         self._recording = recording
         self._plan = plan

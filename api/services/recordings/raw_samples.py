@@ -6,15 +6,18 @@ A recording of some size is read within the request that closes it, a large one 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
+from sqlalchemy.orm import Session
 
 from api.convert.recordings import Values
 from engine.recordings.signal_quality import ChannelQuality, remarks
 from storage.blobs import iterate_bytes
 from storage.imports import Import
 from storage.models import Dataset
+from storage.originals import Comparison, leave_out
 from storage.repositories import DatasetRepository
 from storage.repositories.datasets import raw_samples
 from storage.session import Database
@@ -29,10 +32,32 @@ def ingest(repository: DatasetRepository, row: Dataset) -> Dataset:
     return repository.ingest_raw(row.id, watch=watch.add, report=watch.report)
 
 
+def leave_out_at_once(session: Session, repository: DatasetRepository, row: Dataset) -> None:
+    """Leave out the bytes of a recording that has just been read, once they are found in its channels."""
+    compared = Comparison(lambda: nullcontext(session), row.id)
+    _compare(compared, raw_samples(repository.original(row.id), len(row.channels)))
+    if compared.same:
+        leave_out(session, row.workspace_id, row.id, raw=True)
+
+
+def _compare(compared: Comparison, pieces: Iterator[Values]) -> None:
+    for samples in pieces:
+        for channel, values in enumerate(samples.T):
+            compared.add(channel, values)
+
+
 def run(
-    identifier: str, *, database: Database, workspace: str, progress: Callable[[float, str], None]
+    identifier: str,
+    *,
+    database: Database,
+    workspace: str,
+    progress: Callable[[float, str], None],
+    leaving_out: bool = False,
 ) -> dict[str, Any]:
-    """Read the samples of a committed recording segment by segment; return how many each channel has."""
+    """Read the samples of a committed recording segment by segment; return how many each channel has.
+
+    ``leaving_out`` asks to forget the bytes once they are found in the channels.
+    """
     with database.session() as session:
         row = DatasetRepository(session, workspace).get(identifier)
         channels, size, segments = row.channels, row.size or 1, list(row.manifest or ())
@@ -45,6 +70,13 @@ def run(
             done += samples.nbytes
             progress(min(done / size, 1.0), f"{done / 1e6:.1f} of {size / 1e6:.1f} MB")
         count = writing.finish(channels=channels, report=watch.report())
+    if leaving_out:
+        progress(1.0, "comparing what is kept with what was sent")
+        compared = Comparison(database.session, identifier)
+        _compare(compared, raw_samples(_pieces(database, segments), len(channels)))
+        if compared.same:
+            with database.session() as session:
+                leave_out(session, workspace, identifier, raw=True)
     return {"dataset": identifier, "sample_count": count}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,16 +12,22 @@ from api.services.recordings.importing import Plan
 from api.services.recordings.sampling import TimeAxis
 from engine.model.errors import ProcessingError
 from engine.recordings.processing.uneven import evened
-from storage.imports import Import
 
 MOST_RESAMPLED = 50_000_000
 """Values that are resampled in one import: they are in memory together."""
 
 
+class Sink(Protocol):
+    """Takes the samples of each channel in order."""
+
+    def add(self, channel: int, samples: Values) -> None:
+        """Take the next samples (n,) of a channel."""
+
+
 class Timing:
     """Samples at the rate that is stated."""
 
-    def __init__(self, plan: Plan, writing: Import) -> None:
+    def __init__(self, plan: Plan, writing: Sink) -> None:
         self._plan = plan
         self._writing = writing
 
@@ -62,7 +68,7 @@ class Timing:
 class _Even(Timing):
     """Samples on an even axis; gaps are filled with missing ones, or closed."""
 
-    def __init__(self, plan: Plan, writing: Import, axis: TimeAxis) -> None:
+    def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis) -> None:
         super().__init__(plan, writing)
         self._axis = axis
         self._counts: dict[int, int] = {}
@@ -93,7 +99,7 @@ class _Even(Timing):
 class _Kept(Timing):
     """Samples with their instants as the first channel."""
 
-    def __init__(self, plan: Plan, writing: Import, axis: TimeAxis) -> None:
+    def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis) -> None:
         super().__init__(plan, writing)
         self._axis = axis
         taken = {str(channel["name"]) for channel in plan.channels}
@@ -126,7 +132,7 @@ class _Kept(Timing):
 class _Resampled(Timing):
     """Samples that are interpolated to an even axis, once all of them are there."""
 
-    def __init__(self, plan: Plan, writing: Import, axis: TimeAxis) -> None:
+    def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis) -> None:
         super().__init__(plan, writing)
         self._axis = axis
         self._asked: Mapping[str, Any] = plan.document["uneven"]["resample"]
@@ -211,7 +217,7 @@ def axis_of(recording: Recording, plan: Plan, *, judging: bool = False) -> TimeA
     )
 
 
-def timing_of(recording: Recording, plan: Plan, writing: Import) -> Timing:
+def timing_of(recording: Recording, plan: Plan, writing: Sink) -> Timing:
     """Return what becomes of the samples: the instants are read once before them, to see whether they are even."""
     if plan.time is None:
         return Timing(plan, writing)
