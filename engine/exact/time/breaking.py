@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -30,13 +31,21 @@ _SMOOTH = DEGREE + 2
 _NEVER = 10**6
 
 
-Apart: TypeAlias = tuple[tuple[int, "Array"], ...]
-"""Channels that jump where an interval begins, each with its own instant less that beginning: 0, but of another motion."""
+Echo: TypeAlias = "tuple[int, Array, int]"
+"""A channel that jumps, its own instant less the common one (0, but of another motion), and the number of the one that it comes from."""
+
+
+@dataclass(frozen=True)
+class Apart:
+    """What jumps at an instant, which has a ``number``, or at those before it that it comes from, with motions of its own."""
+
+    number: int
+    echoes: tuple[Echo, ...]
 
 
 def gaps(
     system: LaneSystem, signals: Sequence[Signal], horizon: float, most: int
-) -> list[tuple[Array, Array, Apart]] | None:
+) -> list[tuple[Array, Array, Apart | None]] | None:
     """Return the intervals between breaking points up to ``horizon``, as combinations of 1 and the delays.
 
     None where there are more than ``most``: whoever cannot follow so many need not wait for the rest.
@@ -44,7 +53,7 @@ def gaps(
     m = system.m
     basis = np.concatenate([[1.0], system.delays[0].real])
     starts = sorted({0.0, *(t for signal in signals for t in signal.breaks(horizon) if 0 <= t < horizon)})
-    points: list[tuple[Array, Apart]] = [(np.array([t, *([0.0] * m)]), ()) for t in starts]
+    points: list[tuple[Array, Apart | None]] = [(np.array([t, *([0.0] * m)]), None) for t in starts]
     if m:
         echoed = _with_echoes(system, [point for point, _ in points], basis, horizon, most)
         if echoed is None:
@@ -52,7 +61,7 @@ def gaps(
         points = echoed
     end = np.zeros(1 + m)
     end[0] = horizon
-    found: list[tuple[Array, Array, Apart]] = []
+    found: list[tuple[Array, Array, Apart | None]] = []
     for k, (a, apart) in enumerate(points):
         b = points[k + 1][0] if k + 1 < len(points) else end
         if float((b - a) @ basis) > 1e-12 * horizon:
@@ -62,7 +71,7 @@ def gaps(
 
 def _with_echoes(
     system: LaneSystem, points: list[Array], basis: npt.NDArray[np.float64], horizon: float, most: int
-) -> list[tuple[Array, Apart]] | None:
+) -> list[tuple[Array, Apart | None]] | None:
     """Return the breaking points and those echoes of them that can be seen, sorted, coinciding ones once; None if too many."""
     m = len(basis) - 1
     grain = 1e-10 * float(basis[1:].min())
@@ -73,32 +82,32 @@ def _with_echoes(
     smoothness: dict[tuple[int, int], int] = {}
     front: list[tuple[float, int, int, int, int]] = []  # instant in w, channel, integrations so far, echoes, its key
     combinations: dict[int, Array] = dict(points_at)
-    apart: dict[int, list[tuple[int, Array]]] = {}
+    apart: dict[int, list[Echo]] = {}
 
-    def send(point: Array, channel: int, integrations: int, echoes: int) -> None:
-        echo = point + shifts[channel]
+    def send(source: int, channel: int, integrations: int, echoes: int) -> None:
+        echo = combinations[source] + shifts[channel]
         instant = float(echo @ basis)
         key = round(instant / grain)
         if integrations > _SMOOTH or instant >= horizon or integrations >= smoothness.get((key, channel), _NEVER):
             return
         smoothness[key, channel] = integrations
         other = echo - combinations.setdefault(key, echo)
-        if integrations == 0 and other.any():
-            apart.setdefault(key, []).append((channel, other))
+        if integrations == 0 and (other.any() or source in apart):
+            apart.setdefault(key, []).append((channel, other, source))
         heapq.heappush(front, (instant, channel, integrations, echoes, key))
 
-    for point in points:
+    for key in points_at:
         for channel in range(m):
-            send(point, channel, int(first[channel]), 1)
+            send(key, channel, int(first[channel]), 1)
     while front and len(combinations) <= most:
         _, channel, integrations, echoes, key = heapq.heappop(front)
         if integrations > smoothness[key, channel] or echoes >= audible:
             continue
         for following in range(m):
-            send(combinations[key], following, integrations + int(onward[following, channel]), echoes + 1)
+            send(key, following, integrations + int(onward[following, channel]), echoes + 1)
     if len(combinations) > most:
         return None
-    told = ((point, tuple(apart.get(key, ()))) for key, point in combinations.items())
+    told = [(point, Apart(key, tuple(apart[key])) if key in apart else None) for key, point in combinations.items()]
     return sorted(told, key=lambda one: float(one[0] @ basis))
 
 

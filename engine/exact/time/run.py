@@ -46,7 +46,7 @@ class Segment:
     key: tuple[tuple[float, ...], int]
     count: int = 1
     resting: bool = False
-    apart: Apart = ()
+    apart: Apart | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,6 +113,7 @@ class Run:
         self.size = float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0
         self._origin = origin
         self._heard: Array = np.zeros((self.lanes, system.m))
+        self._moments: dict[int, Array] = {}
         self._rest: Equilibrium | None = None
         self._goes: Equilibrium | None = None
         self.state: Array = np.array(system.x0 if origin is None else system.x0 - origin.x, dtype=self._dtype)
@@ -252,18 +253,25 @@ class Run:
     def replay(self, plan: list[Segment]) -> Trajectory:
         """Follow segments that were placed before."""
         for segment in plan:
-            if segment.apart and self.count:
-                self._keep_apart(segment)
+            if segment.apart is not None and self.count:
+                self._keep_apart(segment, segment.apart)
             self.append(segment, self.step(segment))
         return self.trajectory(plan)
 
-    def _keep_apart(self, segment: Segment) -> None:
-        """Let signals jump at their own instants: x misses B2 Δw times the infinitesimal by which a segment begins later."""
+    def _keep_apart(self, segment: Segment, apart: Apart) -> None:
+        """Let signals jump at their own instants: x misses B2 Δw times the infinitesimal by which a segment begins later.
+
+        Signals that jump into a delay together, each at its own instant, jump out of it so: of its jump Δw only the moment
+        counts, the sum of the parts times how much later each comes.
+        """
         start, width = self._basis @ segment.start, self._basis @ segment.width
-        begun, before = self._delayed(start, width)[:, 0], self._heard
-        for channel, later in segment.apart:
-            jump = (begun - before)[:, channel].real
-            self.state = self.state - (jump * (self._basis @ later))[:, None] * self.s.b2[:, :, channel]
+        jump = (self._delayed(start, width)[0, 0] - self._heard[0]).real
+        moments = np.zeros((self.s.m, self._basis.shape[1]))
+        for channel, later, source in apart.echoes:
+            before = self._moments.get(source)
+            moments[channel] = jump[channel] * later + (0.0 if before is None else before[channel])
+        self._moments[apart.number] = self.s.d22[0].real @ moments
+        self.state = self.state - np.einsum("lnm,mb,lb->ln", self.s.b2, moments, self._basis)
 
     def trajectory(self, plan: list[Segment]) -> Trajectory:
         """Return the response so far."""

@@ -116,7 +116,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
             count = min(round((1.0 - position) / width), most) if straight else 1
             segment = Segment(
                 start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count, resting=resting,
-                apart=apart if position == 0.0 else (),
+                apart=apart if position == 0.0 else None,
             )  # fmt: skip
             nodes = run.step(segment)
             good, roomy = _held(

@@ -247,6 +247,29 @@ def test_delays_that_are_equal_move_by_themselves(apart: float) -> None:
         assert own == pytest.approx([expected, expected], rel=1e-6, abs=1e-9)
 
 
+def behind_two(first: complex, second: complex, weights: tuple[float, float]) -> LinearSystem:
+    """x' = -4 x + w(t - 0.2), w the weighted sum of two delayed commands: jumps of two delays meet in a third."""
+    d22 = np.zeros((3, 3))
+    d22[2, :2] = weights
+    return LinearSystem(
+        a=np.array([[-4.0]]), b1=np.zeros((1, 1)), b2=np.array([[0.0, 0.0, 1.0]]), c1=np.ones((1, 1)), c2=np.zeros((3, 1)),
+        d11=np.zeros((1, 1)), d12=np.zeros((1, 3)), d21=np.array([[1.0], [1.0], [0.0]]), d22=d22,
+        delays=np.array([first, second, 0.2]), x0=np.zeros(1), inputs=("r",), outputs=("y",),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("weights", [(2.0, 1.0), (1.0, -1.0)])
+def test_jumps_of_equal_delays_that_meet_in_a_third_move_by_themselves(weights: tuple[float, float]) -> None:
+    late = np.array([0.35, 0.5, 1.0])
+    moved = [behind_two(0.1 + 1j * INFINITESIMAL, 0.1, weights), behind_two(0.1, 0.1 + 1j * INFINITESIMAL, weights)]
+    curve = respond(LaneSystem.of(moved), [STEP], 2.0).output(0)
+    pieces = np.searchsorted(curve.times, late, side="right") - 1
+    found = np.array([curve.at(int(k), 0.0, float(t)).imag / INFINITESIMAL for k, t in zip(pieces, late, strict=True)])
+    # y = Σ weight (1 - exp(-4 (t - τ - 0.2))) / 4
+    expected = -np.exp(-4.0 * (late - 0.3))[:, None] * np.array(weights)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize(("damping", "end"), [(0.02, 200.0), (0.005, 700.0)])
 def test_integrals_over_a_long_ringing_tail(damping: float, end: float) -> None:
     omega, delay = 20.0, 0.05
