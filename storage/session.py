@@ -100,6 +100,12 @@ class Database:
 
         return migrations.is_current(self.engine)
 
+    def serves(self) -> bool:
+        """Return whether this version of the software can work with the tables: they are as it needs them, or a later version has added to them."""
+        from storage import migrations  # noqa: PLC0415 - as above
+
+        return migrations.serves(self.engine)
+
     def ping(self) -> None:
         """Ask the database for one number.
 

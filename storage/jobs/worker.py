@@ -121,7 +121,7 @@ class Worker:
             self._ended.clear()
             self._database = open_database(self._url, objects=self._objects)
             undo.callback(self._database.dispose)
-            if not self._database.is_current():
+            if not self._database.serves():
                 raise StateError("the database must be migrated before a worker starts")
             zygote = Zygote(self._compute)
             undo.callback(zygote.close)

@@ -1,7 +1,9 @@
 """Brings the tables up to date, from inside the installed package.
 
 Our own tables come from the Alembic scripts beside this file; those of the job engine from the engine itself.
-Migrations go forward only; the way back is a backup.
+Migrations go forward only; the way back is a backup. Revisions are numbered, so a process can tell tables of a later version from those
+of an earlier one: it works with the later ones, because a migration takes away only what the version before it has stopped to use
+(held by ``tests/integration/storage/test_expanding_migrations.py``).
 """
 
 from __future__ import annotations
@@ -38,13 +40,15 @@ def upgrade(engine: Engine, url: str) -> None:
 
 
 def upgrade_tables(engine: Engine) -> None:
-    """Run every migration of our own tables that is still missing."""
+    """Run every migration of our own tables that is still missing; none on those of a later version."""
     config = configuration()
     with engine.begin() as connection:
         if connection.dialect.name == "sqlite":
             # Alembic's own statements would each commit by themselves: take the write lock now, for all of them.
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         take_time(connection)
+        if _of_later_version(connection):
+            return
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
 
@@ -66,6 +70,18 @@ def is_current(engine: Engine) -> bool:
     """Return whether no migration is missing."""
     with engine.connect() as connection:
         return _heads(connection) and job_schema.is_current(engine)
+
+
+def serves(engine: Engine) -> bool:
+    """Return whether this version can work with the tables: no migration is missing; a later version may have run more."""
+    with engine.connect() as connection:
+        return (_heads(connection) or _of_later_version(connection)) and job_schema.is_current(engine)
+
+
+def _of_later_version(connection: Connection) -> bool:
+    (own,) = ScriptDirectory.from_config(configuration()).get_heads()
+    found = MigrationContext.configure(connection).get_current_heads()
+    return bool(found) and all(revision.isdecimal() and int(revision) > int(own) for revision in found)
 
 
 def _heads(connection: Connection) -> bool:

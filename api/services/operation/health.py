@@ -19,7 +19,7 @@ def readiness(service: Installation) -> tuple[bool, dict[str, Any]]:
     checks = {"database": "ok", "migrations": "ok", "worker": "absent"}
     try:
         service.database.ping()
-        if service.database.is_current():
+        if service.database.serves():
             checks["worker"] = _worker(service)
         else:
             checks["migrations"] = "behind"
