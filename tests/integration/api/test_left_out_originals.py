@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from sqlalchemy import select
 
+import servotune
 from api.services.recordings import raw_samples
+from servotune.repeating import repeat
 from storage import open_database
 from storage.models import AuditEntry, DatasetSegment
 from storage.originals import Comparison
@@ -165,3 +167,21 @@ def test_a_sample_that_differs_a_missing_one_and_one_too_many_are_seen(client, s
             compared.add(1, second[len(u) :])
         assert compared.same == expected
     database.dispose()
+
+
+def test_a_repeated_lineage_sends_raw_samples_again_and_passes_over_a_file_that_is_gone(
+    client, sparing, tmp_path
+) -> None:
+    raw = sent(client, RAW, lag_recording())
+    file = sent(client, {"name": "steps", "format": "csv", "import": {"sample_rate": 100}}, TEXT)
+    said = {}
+    with servotune.connect(sparing.url, key=sparing.keys["admin"]) as connected:
+        for dataset in (raw, file):
+            path = tmp_path / f"{dataset}.zip"
+            path.write_bytes(client.get(f"/v1/lineage/{dataset}/bundle").content)
+            (said[dataset],) = repeat(connected._transport, path)
+    assert said[raw].largest == 0.0
+    again = str(said[raw].new_id)
+    assert client.get(f"/v1/datasets/{again}/original").content == lag_recording()
+    assert said[file].new_id is None
+    assert "its file was left out where it came from" in said[file].note
