@@ -34,6 +34,7 @@ from servotune.replies import (
     Stored,
     Validation,
 )
+from servotune.results import Form, KeptResult
 from servotune.schedules import Schedule, ScheduleRun
 from servotune.webhooks import Alert, Delivery, MadeWebhook, Webhook
 
@@ -175,6 +176,12 @@ class AsyncLineage:
     async def repeat(self, path: Path, *, told: Told = ...) -> list[Repeated]: ...
 
 @type_check_only
+class AsyncResults:
+    async def get(self, result: str) -> KeptResult: ...
+    def list(self, *, kind: str | None = ...) -> AsyncIterator[KeptResult]: ...
+    async def report(self, result: str, form: Form = ..., path: Path | str | None = ...) -> bytes: ...
+
+@type_check_only
 class AsyncSchedules:
     async def create(
         self,
@@ -236,6 +243,7 @@ class AsyncClient:
     systems: AsyncSystems
     datasets: AsyncDatasets
     jobs: AsyncJobs
+    results: AsyncResults
     comments: AsyncComments
     lineage: AsyncLineage
     schedules: AsyncSchedules
@@ -274,6 +282,7 @@ class AsyncClient:
         recovery_band: Any = ...,
         derivative: int | None = ...,
         variants: Sequence[Document] | None = ...,
+        keep: bool | None = ...,
     ) -> Simulation: ...
     async def frequency_response(
         self,
@@ -288,6 +297,7 @@ class AsyncClient:
         noise_density: Any = ...,
         paths: Sequence[Document] | None = ...,
         variants: Sequence[Document] | None = ...,
+        keep: bool | None = ...,
     ) -> FrequencyResponse: ...
     async def influence(
         self,
@@ -307,6 +317,7 @@ class AsyncClient:
         derivative: int | None = ...,
         noise_density: Any = ...,
         predict: Sequence[Document] | None = ...,
+        keep: bool | None = ...,
     ) -> Influence: ...
     async def spectrum(
         self,
@@ -329,6 +340,7 @@ class AsyncClient:
         orders: int | None = ...,
         band: Sequence[float] | None = ...,
         variants: Sequence[Document] | None = ...,
+        keep: bool | None = ...,
     ) -> Spectrum: ...
     async def validate(
         self,

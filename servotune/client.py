@@ -17,6 +17,7 @@ from servotune.errors import ApiError, ServiceUnreachableError
 from servotune.jobs import Jobs
 from servotune.lineage import Lineage
 from servotune.measured import Measured
+from servotune.results import Results
 from servotune.schedules import Schedules
 from servotune.searches import Searches
 from servotune.studies import Studies
@@ -36,6 +37,8 @@ class Client(Studies, Measured, Searches):
         Recordings.
     jobs : Jobs
         Long work.
+    results : Results
+        Studies that were asked to be kept.
     comments : Comments
         What people write about systems, recordings and results.
     lineage : Lineage
@@ -59,6 +62,7 @@ class Client(Studies, Measured, Searches):
         self.systems = Systems(transport)
         self.datasets = Datasets(transport)
         self.jobs = Jobs(transport)
+        self.results = Results(transport)
         self.comments = Comments(transport)
         self.lineage = Lineage(transport)
         self.schedules = Schedules(transport)

@@ -16,7 +16,7 @@ from servotune.events import Event, parse
 from servotune.progress import Observer, ProgressBar
 from servotune.replies import JobState
 from servotune.replies.results import result_of
-from servotune.targets import target_of
+from servotune.results import report_of
 from servotune.transport import Transport, pause
 
 ResultT = TypeVar("ResultT")
@@ -203,11 +203,7 @@ class Job(Generic[ResultT]):
         ValueError
             Nothing can be written at ``path``; nothing is asked of the service then.
         """
-        target = None if path is None else target_of(path, "path")
-        found = self._transport.send("GET", f"/v1/jobs/{self.id}/report", params={"format": form}).content
-        if target is not None:
-            target.write_bytes(found)
-        return found
+        return report_of(self._transport, f"/v1/jobs/{self.id}", form, path)
 
     def _take(self, event: Event) -> None:
         """Take an event into the state: its data is the bare value or an object that holds it."""

@@ -105,7 +105,7 @@ class Measured:
         modes : mapping, optional
             `{}`: natural frequencies and damping ratios are wanted; `{"count": 3, "band": [..]}`.
         keep : bool, optional
-            Remember it: `universal_file` writes what is kept.
+            Remember it: `client.results` finds what is kept, under the `id` of the reply, and `universal_file` writes it.
         """
         body = given(
             dataset=dataset,

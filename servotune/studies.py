@@ -29,6 +29,7 @@ class Studies:
         recovery_band: Any = None,
         derivative: int | None = None,
         variants: Sequence[Document] | None = None,
+        keep: bool | None = None,
     ) -> Simulation:
         """Return the response to a command: curves and metrics, one set for each variant of the parameters.
 
@@ -54,6 +55,8 @@ class Studies:
             How often outputs without a unit are differentiated for `max_velocity`, `max_acceleration` and `control_effort`.
         variants : sequence of mappings, optional
             Parameter values to compare, `[{"kp": 50}, {"kp": 200}]`.
+        keep : bool, optional
+            Remember it: `client.results` finds what is kept, under the `id` of the reply.
         """
         body = given(
             system=system,
@@ -67,6 +70,7 @@ class Studies:
             recovery_band=recovery_band,
             derivative=derivative,
             variants=variants,
+            keep=keep,
         )
         return Simulation(self._transport.post("/v1/simulations", body))
 
@@ -83,6 +87,7 @@ class Studies:
         noise_density: Any = None,
         paths: Sequence[Document] | None = None,
         variants: Sequence[Document] | None = None,
+        keep: bool | None = None,
     ) -> FrequencyResponse:
         """Return the frequency response from an input to an output, or, with `open_at`, of the loop cut at that block.
 
@@ -90,7 +95,8 @@ class Studies:
         outer one open. Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`. A nonlinear system is
         linearised where it rests under the constant inputs of `operating_point`, `{"reference": 0.1}`; 0 by default.
         `noise_density` is the one-sided power spectral density of the noise of `noise_rms`, (unit of the input)² per Hz.
-        `paths` are further ones, `[{"from": "reference", "to": "control"}]`, each with its curve, metrics and zeros.
+        `paths` are further ones, `[{"from": "reference", "to": "control"}]`, each with its curve, metrics and zeros. With `keep` it
+        is remembered: `client.results` finds it under the `id` of the reply.
         """
         body = given(
             system=system,
@@ -102,6 +108,7 @@ class Studies:
             noise_density=noise_density,
             paths=paths,
             variants=variants,
+            keep=keep,
         ) | given(**{"from": from_})
         return FrequencyResponse(self._transport.post("/v1/frequency-responses", body))
 
@@ -123,6 +130,7 @@ class Studies:
         derivative: int | None = None,
         noise_density: Any = None,
         predict: Sequence[Document] | None = None,
+        keep: bool | None = None,
     ) -> Influence:
         """Return how strongly each parameter moves each metric: exact elasticities, and eq. (4) at a finite change.
 
@@ -147,6 +155,7 @@ class Studies:
             derivative=derivative,
             noise_density=noise_density,
             predict=predict,
+            keep=keep,
         ) | given(**{"from": from_})
         return Influence(self._transport.post("/v1/influence", body))
 
@@ -171,6 +180,7 @@ class Studies:
         orders: int | None = None,
         band: Sequence[float] | None = None,
         variants: Sequence[Document] | None = None,
+        keep: bool | None = None,
     ) -> Spectrum:
         """Return the spectrum of a system's output under a command, or of a dataset's channel.
 
@@ -200,6 +210,8 @@ class Studies:
             Its energy or mean square is wanted, too (rad/s).
         variants : sequence of mappings, optional
             Parameter values to compare, those of commands among them: `[{"signals.reference.delay": 0.1}, ...]`.
+        keep : bool, optional
+            Remember it: `client.results` finds what is kept, under the `id` of the reply.
         """
         body = given(
             system=system,
@@ -220,6 +232,7 @@ class Studies:
             orders=orders,
             band=band,
             variants=variants,
+            keep=keep,
         )
         return Spectrum(self._transport.post("/v1/spectra", body))
 

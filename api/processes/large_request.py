@@ -60,7 +60,7 @@ def bound_computing(seconds: float) -> None:
 
 
 def _report(job: ComputeJob, database: Database) -> Mapping[str, Any]:
-    return {"report": reports.written(database, job.workspace_id, job.body["of"], job.body["form"])}
+    return {"report": reports.written(database, job.workspace_id, **job.body["wanted"])}
 
 
 def _study(job: ComputeJob, database: Database) -> Mapping[str, Any]:

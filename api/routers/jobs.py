@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import asdict
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.responses import PlainTextResponse
@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.http.auth import Reader, Runner
 from api.http.bodies import DocumentRoute
-from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, answer, recalled, respond
+from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
 from api.problems.documents import invalid
 from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
@@ -23,8 +23,6 @@ from api.schemas.replies import ExpectedReply, JobReply, Page
 from api.services.identifications import direct_identifications, identifications
 from api.services.jobs import jobs
 from api.services.optimizations import optimizations, scripts
-from api.services.reports import reports
-from storage.jobs.compute import ComputeJob
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1", tags=["jobs"], route_class=DocumentRoute)
@@ -142,54 +140,6 @@ def script(identifier: str, caller: Reader, service: InstallationDep) -> PythonS
         text,
         headers={"Content-Disposition": f'attachment; filename="optimization_{identifier}.py"'},
     )
-
-
-class Report(Response):
-    """A file to keep."""
-
-
-_CONTENT: dict[str, Any] = {
-    reports.MEDIA_TYPES["html"]: {"schema": {"type": "string"}},
-    reports.MEDIA_TYPES["pdf"]: {"schema": {"type": "string", "format": "binary"}},
-}
-
-
-@router.get(
-    "/jobs/{identifier}/report",
-    response_class=Report,
-    responses={200: {"content": _CONTENT}},
-    summary="Write a report of a job",
-)
-async def report(
-    identifier: str,
-    caller: Reader,
-    service: InstallationDep,
-    http: Request,
-    form: Annotated[reports.Form, Query(alias="format", description="one HTML file, or a PDF")] = "html",
-) -> Report:
-    """What was asked by whom, what came out with its figures and its proof, and what it was made from, as a file that needs no other.
-
-    Of optimisations, identifications, validations, influence studies, simulations and frequency responses that have a result; 409
-    for others.
-    """
-
-    def check() -> None:
-        with service.database.session() as session:
-            reports.check(session, caller, identifier)
-
-    await run_in_threadpool(check)
-    job = ComputeJob(
-        id=http.state.request_id,
-        kind=reports.KIND,
-        body={"settings": service.settings, "of": identifier, "form": form},
-        workspace_id=caller.workspace,
-        database_url=service.database.url,
-        request_id=http.state.request_id,
-    )
-    async with recalled(http.receive) as recall:
-        found = await service.computing.in_child(job, caller.principal, recall=recall)
-    headers = {"Content-Disposition": f'attachment; filename="report_{identifier}.{form}"'}
-    return Report(found["report"], media_type=reports.MEDIA_TYPES[form], headers=headers)
 
 
 @router.post("/jobs/{identifier}/cancel", response_model=JobReply, summary="Cancel a job")

@@ -84,9 +84,13 @@ def script(client: Client, *, job: str) -> None:
 @click.option("-o", "--output", type=Target(), help="File to write; report_JOB.html by default.")
 @asking
 def report(client: Client, *, job: str, form: Literal["html", "pdf"], output: Path | None) -> None:
-    """Write a report of a job: what was asked, what came out, the proof, and what it was made from."""
+    """Write a report of a job, or of a kept result by its id: what was asked, what came out, the proof, and what it was made from."""
     target = output or Path(f"report_{job}.{form}")
-    found = client.jobs.get(job).report(form, target)
+    found = (
+        client.results.report(job, form, target)
+        if job.startswith("res_")
+        else client.jobs.get(job).report(form, target)
+    )
     click.echo(f"{target}: {len(found)} bytes")
 
 

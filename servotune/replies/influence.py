@@ -69,6 +69,7 @@ class Prediction(Reply):
 class Influence(Reply):
     """How strongly parameters move metrics; `elasticities[metric][parameter]`."""
 
+    id: str | None
     base: dict[str, Metric]
     elasticities: dict[str, dict[str, Elasticity]]
     coefficients: dict[str, dict[str, Coefficient]]

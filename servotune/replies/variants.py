@@ -13,6 +13,7 @@ _TOLD = 3
 class OfVariants(Reply):
     """What a study answers: one variant for each set of parameter values."""
 
+    id: str | None
     variants: list[Any]
 
     def only(self) -> Any:

@@ -1,12 +1,13 @@
 """Pictures of every page, for the documentation: ``make screenshots`` writes docs/screenshots, with a service of its own.
 
-Names behind the command (``python -m tests.browser.screenshots front map``) take these pictures only.
+Names behind the command (``python -m tests.browser.screenshots front map``) take these pictures only. ``--every FOLDER`` writes every page
+into a folder instead, on windows 1280, 1440 and 1920 px wide in both themes: to be looked at, not to be kept.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ from urllib.parse import quote
 
 import httpx
 from PIL import Image
-from playwright.sync_api import BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, sync_playwright
 
 from agent.process import Agent
 from agent.settings_file import read
@@ -43,6 +44,8 @@ from tests.integration.agent.lab import MEASUREMENT, RIG, make_bench
 TARGET = ROOT / "docs" / "screenshots"
 SIZE = (1280, 860)
 TABLET = (820, 1180)
+#: The windows on which every page is looked at, px.
+WINDOWS = ((1280, 860), (1440, 900), (1920, 1080))
 #: Pages longer than this are cut, px.
 _LONGEST = 2000
 #: The searches of the walks, so fine that there is something to look at.
@@ -52,21 +55,24 @@ _FRONT = {**SEARCH, "goals": [QUICK, {**CALM, "sense": "minimize"}], "method": {
 _COMPARED = "s=controller.kp,controller.integral_time,controller.kd&in=reference&amp=0.01&loop=controller&sn=soft~1~controller.kp=120&sn=stiff~1~controller.kp=260&ref=1&r.controller.kp=160&g=overshoot<0.2&v=step:position,bode,phase,nyquist"
 
 
-def main(wanted: Sequence[str] = ()) -> None:
-    """Write one picture for each page, and of some pages one in the dark theme and one on a tablet, too."""
-    TARGET.mkdir(parents=True, exist_ok=True)
+def main(wanted: Sequence[str] = (), every: Path | None = None) -> None:
+    """Write one picture for each page, and of some pages one in the dark theme and one on a tablet, too; or every page at every size."""
+    (every or TARGET).mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as place, running(Path(place)) as service, sync_playwright() as playwright:
         folder = Path(place)
         with service.client() as client, laboratory(service, folder) as rig:
             browser = launched(playwright)
             light = signed_in(browser, service.url, size=SIZE)
             pages = prepared(client, light, folder, rig)
+            if every is not None:
+                at_every_size(browser, service.url, pages, wanted, every)
+                return
             way_in = browser.new_context(base_url=service.url, viewport={"width": SIZE[0], "height": SIZE[1]})
             dark = signed_in(browser, service.url, size=SIZE, scheme="dark")
             tablet = signed_in(browser, service.url, size=TABLET, touch=True)
             shots = [
-                (way_in, "sign-in", ("/systems", "[data-testid=key]")),
-                *((light, name, page) for name, page in pages.items()),
+                (way_in, "sign-in", SIGN_IN),
+                *((light, name, page) for name, page in pages.items() if name not in LOOKED_AT),
                 *(
                     (dark, f"{name}-dark", pages[name])
                     for name in ("panel", "diagram", "optimum", "front", "validated")
@@ -75,8 +81,27 @@ def main(wanted: Sequence[str] = ()) -> None:
             ]
             for context, name, (address, there) in shots:
                 if not wanted or name in wanted:
-                    taken(context, address, there, name)
+                    taken(context, address, there, TARGET / f"{name}.png")
             browser.close()
+
+
+def at_every_size(
+    browser: Browser, url: str, pages: dict[str, tuple[str, str]], wanted: Sequence[str], target: Path
+) -> None:
+    """Write page-width-theme.png of every page."""
+    for width, height in WINDOWS:
+        for scheme in ("light", "dark"):
+            viewport: ViewportSize = {"width": width, "height": height}
+            outside = browser.new_context(base_url=url, viewport=viewport, color_scheme=scheme)
+            inside = signed_in(browser, url, size=(width, height), scheme=scheme)
+            # What a file that is being described holds is known to the browser that has sent it.
+            own = {"import": (imported(inside, target, "bench run.csv"), pages["import"][1])}
+            for name, (address, there) in {"sign-in": SIGN_IN, **pages, **own}.items():
+                if not wanted or name in wanted:
+                    context = outside if name == "sign-in" else inside
+                    taken(context, address, there, target / f"{name}-{width}-{scheme}.png")
+            outside.close()
+            inside.close()
 
 
 def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: str) -> dict[str, tuple[str, str]]:
@@ -98,7 +123,9 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
     unknowns = [{"parameter": "k", "lower": 0.1, "upper": 10}, {"parameter": "tau", "lower": 0.01, "upper": 1}]
     found = made(client, "/v1/identifications", {**matched, "parameters": unknowns})
     verdict = made(client, "/v1/validations", matched)
-    response = made(client, "/v1/frfs", {"dataset": hammer, "input": "force", "output": "x", "keep": True})
+    frf = {"dataset": hammer, "input": "force", "output": "x", "keep": True}
+    response = made(client, "/v1/frfs", frf)
+    kept = client.post("/v1/frfs", json=frf).json()["id"]
     nightly = {"kind": "optimization", "body": {"system": hydraulic, **_MAP}}
     schedule = made(client, "/v1/schedules", {"name": "nightly map", "cron": "30 2 * * mon-fri", "job": nightly})
     measured = MEASUREMENT | {"rig": RIG_NAME, "name": "step of the bench", "duration": 1}
@@ -121,7 +148,7 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
         "jobs": ("/jobs", "[data-testid=jobs]"),
         "recordings": ("/datasets", "tbody tr"),
         "recording": (f"/datasets/{bench}", "[role=img] canvas"),
-        "import": (imported(context, folder, "bench run.csv"), "[role=textbox], input"),
+        "import": (imported(context, folder, "bench run.csv"), "[data-testid=import] table"),
         "process": (f"/datasets/{bench}/process?name=filtered&steps={_STEPS}", "[data-testid=step]"),
         "frf": (f"/datasets/{hammer}/frf?input=force&outputs=x&segment=16&modes=1", "[data-testid=modes] tr"),
         "lineage": (f"/lineage/{response}", "[data-testid=graph] .react-flow__node"),
@@ -139,10 +166,19 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
         "access": ("/access", "[data-testid=keys]"),
         "about": ("/about", "[data-testid=checks]"),
         "reference": ("/docs/api", ".info"),
+        "designs": (f"/compare?d={position}@1&d={position}@2", "[data-testid=plots][data-frame]"),
+        "kept": (f"/results/{kept}", "[data-testid=frf] [role=img] svg"),
+        "identify-direct": (f"/identify?dataset={bench}&method=transfer_function", "button[type=submit]"),
+        "schedule-new": (f"/schedules/new?kind=validation&body={quote(json.dumps(matched))}", "form"),
+        "nowhere": ("/nothing-here", "h1, h2"),
+        "docs": ("/docs/", "h1"),
     }
 
 
 RIG_NAME = "bench 1"
+SIGN_IN = ("/systems", "[data-testid=key]")
+#: Pages that are looked at, and of which no picture is kept.
+LOOKED_AT = ("designs", "kept", "identify-direct", "schedule-new", "nowhere", "docs")
 _STEPS = quote(json.dumps([{"kind": "filter", "band": "low_pass", "frequency": {"value": 40, "unit": "Hz"}}]))
 
 
@@ -176,7 +212,7 @@ def laboratory(service: Running, folder: Path) -> Iterator[str]:
             thread.join()
 
 
-def taken(context: BrowserContext, address: str, there: str, name: str) -> None:
+def taken(context: BrowserContext, address: str, there: str, file: Path) -> None:
     """Write the picture of a page."""
     page = context.new_page()
     page.goto(address)
@@ -188,7 +224,6 @@ def taken(context: BrowserContext, address: str, there: str, name: str) -> None:
     if length > size["height"]:
         page.set_viewport_size({"width": size["width"], "height": length})
         settled(page)
-    file = TARGET / f"{name}.png"
     page.screenshot(path=file)
     page.close()
     # Pages have few colours: a palette of 256 takes a third of the bytes.
@@ -202,4 +237,8 @@ def settled(page: Page) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    arguments = argparse.ArgumentParser(prog="screenshots", description=main.__doc__)
+    arguments.add_argument("names", nargs="*", help="the pictures to take, all without it")
+    arguments.add_argument("--every", type=Path, metavar="FOLDER", help="every page at three widths in both themes")
+    said = arguments.parse_args()
+    main(said.names, said.every)

@@ -28,17 +28,20 @@ def instant(at: datetime | None) -> str:
 
 def facts(told: Told) -> Iterator[tuple[str, str]]:
     """Yield what stands on top: the system, who asked for it, when, and the software that computed it."""
-    job, reference = told.job, told.job.body.get("system_reference")
     if told.system is not None:
         yield "System", clean(str(told.system.get("name") or NOTHING))
-    if reference is not None:
-        yield "Revision", f"{reference['revision']} of {reference['id']}"
-    yield "Job", f"{job.id}, {job.status}"
+    if told.reference is not None:
+        yield "Revision", f"{told.reference['revision']} of {told.reference['id']}"
+    if told.status:
+        yield "Job", f"{told.id}, {told.status}"
+    else:
+        yield "Kept as", told.id
     yield "Asked for by", clean(told.author) or "not known any more"
-    yield "Asked for at", instant(job.created_at)
-    yield "Finished at", instant(job.finished_at)
-    if job.started_at is not None and job.finished_at is not None:
-        yield "Took", quantity(max((job.finished_at - job.started_at).total_seconds(), 0.0), "s", 3)
+    yield "Asked for at", instant(told.created_at)
+    if told.status:
+        yield "Finished at", instant(told.finished_at)
+    if told.started_at is not None and told.finished_at is not None:
+        yield "Took", quantity(max((told.finished_at - told.started_at).total_seconds(), 0.0), "s", 3)
     if told.versions:
         yield "Software", ", ".join(f"{name} {number}" for name, number in told.versions.items())
 
@@ -49,15 +52,13 @@ def sentences(texts: Iterable[str], tone: str = "plain") -> list[Part]:
     found = list(dict.fromkeys(told for text in texts if (told := clean(text, LONGEST_SENTENCE))))
     parts: list[Part] = [Sentence(text, tone) for text in found[:_MOST_SENTENCES]]  # type: ignore[arg-type]
     if len(found) > _MOST_SENTENCES:
-        parts.append(
-            Sentence(f"{len(found) - _MOST_SENTENCES} more are left out; the result of the job holds all of them.")
-        )
+        parts.append(Sentence(f"{len(found) - _MOST_SENTENCES} more are left out; the result holds all of them."))
     return parts
 
 
 def warnings(told: Told) -> list[Section]:
     """Return what the service warned of, when it was asked and when it had computed."""
-    said = [*told.job.body.get("warnings", []), *(told.result.get("warnings") or [])]
+    said = [*told.warned, *(told.result.get("warnings") or [])]
     found = sentences((str(one.get("detail", "")) for one in said), "warning")
     return [Section("Warnings", found)] if found else []
 
@@ -107,8 +108,8 @@ def commands(given: Any) -> str:
 
 
 def lineage(told: Told) -> Section:
-    """Return what the job was made from, the first things first."""
-    nodes = [node for node in told.lineage.nodes if node.id != told.job.id]
+    """Return what it was made from, the first things first."""
+    nodes = [node for node in told.lineage.nodes if node.id != told.id]
     parts: list[Part] = []
     if nodes:
         nodes.sort(key=lambda node: (node.created_at is None, node.created_at and instant(node.created_at), node.id))

@@ -27,7 +27,7 @@ def matrix(rows: Mapping[str, Mapping[str, float | None]], corner: str) -> Itera
         lines = ((label, *(shown(row.get(name)) for name in part)) for label, row in list(rows.items())[:MOST_ROWS])
         yield table((corner, *part), lines, numeric=range(1, len(part) + 1), total=len(rows))
     if len(names) > _MOST:
-        yield Sentence(f"The {_MOST} strongest of {len(names)} parameters; the result of the job holds all of them.")
+        yield Sentence(f"The {_MOST} strongest of {len(names)} parameters; the result holds all of them.")
 
 
 def shown(value: float | None) -> str:

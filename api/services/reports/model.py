@@ -88,7 +88,7 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: Ite
     kept = tuple(tuple(row[i] for i in full) for row in found)
     note = ""
     if total > MOST_ROWS:
-        note = f"The first {MOST_ROWS} of {total} rows; the result of the job holds all of them."
+        note = f"The first {MOST_ROWS} of {total} rows; the result holds all of them."
     right = set(numeric)
     ends = frozenset(place for place, i in enumerate(full) if i in right)
     return Table(tuple(clean(columns[i]) for i in full), ends, kept, note)

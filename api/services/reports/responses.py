@@ -52,7 +52,7 @@ def over_time(
     left = [f"{len(drawn) - MOST_PANELS} more outputs"] if len(drawn) > MOST_PANELS else []
     left += [f"{len(curves) - MOST_LINES} more variants"] if len(curves) > MOST_LINES else []
     if left:
-        parts.append(Sentence(f"{' and '.join(left)} are not drawn; the result of the job holds their curves."))
+        parts.append(Sentence(f"{' and '.join(left)} are not drawn; the result holds their curves."))
     return parts
 
 

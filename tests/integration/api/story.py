@@ -176,6 +176,7 @@ def _studies(ask: Callable[..., Any]) -> None:
     )  # fmt: skip
     ask("GET /v1/results", query={"kind": "simulation"})
     ask("GET /v1/results/{identifier}", identifier=result["id"])
+    ask("GET /v1/results/{identifier}/report", query={"format": "html"}, identifier=result["id"])
     said = ask("POST /v1/comments", body={"about": result["id"], "text": "Overshoots with kp = 8: keep 4."})["id"]
     ask("GET /v1/comments", query={"about": result["id"]})
     ask("GET /v1/comments/{identifier}", identifier=said)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pypdf
 import pytest
 
@@ -16,6 +17,7 @@ import servotune
 from api.services.reports.quantities import measured, metric_value, plain, quantity
 from servotune import connect
 from servotune.errors import ApiError
+from servotune.replies import Simulation
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, OPTIMIZATION, RAW, lag_recording, upload
 
@@ -79,8 +81,12 @@ def done(client: httpx.Client, path: str, body: dict[str, Any]) -> str:
     return str(ended["id"])
 
 
+def place(identifier: str) -> str:
+    return f"/v1/{'results' if identifier.startswith('res_') else 'jobs'}/{identifier}/report"
+
+
 def page(client: httpx.Client, job: str) -> Page:
-    reply = client.get(f"/v1/jobs/{job}/report", params={"format": "html"})
+    reply = client.get(place(job), params={"format": "html"})
     assert reply.status_code == 200, reply.text
     assert reply.headers["Content-Type"] == "text/html; charset=utf-8"
     assert reply.headers["Content-Disposition"] == f'attachment; filename="report_{job}.html"'
@@ -88,7 +94,7 @@ def page(client: httpx.Client, job: str) -> Page:
 
 
 def pdf(client: httpx.Client, job: str) -> str:
-    reply = client.get(f"/v1/jobs/{job}/report", params={"format": "pdf"})
+    reply = client.get(place(job), params={"format": "pdf"})
     assert reply.status_code == 200, reply.text
     assert reply.headers["Content-Type"] == "application/pdf"
     assert reply.headers["Content-Disposition"] == f'attachment; filename="report_{job}.pdf"'
@@ -189,6 +195,84 @@ def test_a_report_of_a_study_has_its_numbers(client, system, path) -> None:
     assert wanted in found.texts["td"]
     assert "svg" in found.names
     assert wanted in pdf(client, job)
+
+
+@pytest.mark.parametrize("path", STUDIES)
+def test_a_kept_study_has_the_report_of_a_job_of_the_same(client, system, path) -> None:
+    body, heading, number = STUDIES[path]
+    kept = client.post(f"/v1/{path}", json=body | {"system": system, "keep": True}).json()
+    found = page(client, kept["id"])
+    assert heading in found.texts["h2"]
+    assert number(kept) in found.texts["td"]
+    assert number(kept) in pdf(client, kept["id"])
+    facts = dict(zip(found.texts["dt"], found.texts["dd"], strict=True))
+    assert facts["Kept as"] == kept["id"]
+    assert facts["Asked for by"] == "admin"
+    assert facts["Revision"] == f"1 of {system}"
+    assert f"{system}@1" in found.texts["td"]
+    assert page(client, done(client, path, body | {"system": system})).texts["h2"] == found.texts["h2"]
+
+
+@pytest.fixture(scope="module")
+def struck(client) -> str:
+    """A force and the deflection x of one mode of 60 rad/s, damped by 5 %: x'' + 6 x' + 3600 x = F, by central differences."""
+    force, step = np.random.default_rng(7).standard_normal(20_000), 1 / 200
+    x = np.zeros_like(force)
+    for i in range(1, force.size - 1):
+        x[i + 1] = (force[i] + (2 / step**2 - 3600) * x[i] - (1 / step**2 - 3 / step) * x[i - 1]) / (
+            1 / step**2 + 3 / step
+        )
+    channels = [{"name": "force", "unit": "N"}, {"name": "x", "unit": "m"}]
+    description = {"name": "hammer", "format": "raw", "sample_rate": 1 / step, "channels": channels}
+    return str(upload(client, description, np.column_stack([force, x]).tobytes()).json()["id"])
+
+
+def test_measured_responses_are_reported_with_their_modes_and_bounds(client, struck) -> None:
+    asked = {
+        "dataset": struck,
+        "input": "force",
+        "output": "x",
+        "segment": 16,
+        "modes": {"band": [40, 90]},
+        "keep": True,
+    }
+    reply = client.post("/v1/frfs", json=asked).json()
+    (mode,) = reply["modes"]["modes"]
+    assert mode["frequency"] == pytest.approx(60, rel=0.02)
+    found, text = page(client, reply["id"]), pdf(client, reply["id"])
+    for wanted in (
+        plain(mode["frequency"], 5),
+        plain(mode["damping_ratio"]),
+        f"{plain(mode['frequency_lower'])} … {plain(mode['frequency_upper'])}",
+        str(reply["averages"]),
+        "hammer",
+    ):
+        assert wanted in found.texts["td"]
+        assert wanted in text
+    assert found.texts["h1"] == ["Frequency response function"]
+    assert found.texts["figcaption"] == ["x over force."]
+    for doubt in reply["outputs"]["x"]["doubts"]:
+        assert f"x: {doubt['detail']}" in found.texts["p"]
+
+
+def test_a_spectrum_is_reported_with_its_harmonics(client, system, struck) -> None:
+    recorded = {"dataset": struck, "channel": "x", "quantity": "density", "segment": 16, "band": [50, 70], "keep": True}
+    reply = client.post("/v1/spectra", json=recorded).json()
+    found, text = page(client, reply["id"]), pdf(client, reply["id"])
+    band = reply["variants"][0]["band"]
+    assert f"{plain(band['value'], 5)} m²" in found.texts["td"]
+    assert f"{plain(band['value'], 5)} m²" in text
+    assert found.texts["figcaption"] == ["Spectral density over frequency."]
+    sine = {"port": "u", "signal": {"kind": "sine", "amplitude": 3, "frequency": 4}}
+    simulated = {"system": system, "input": sine, "output": "y", "fundamental": 4, "orders": 2, "variants": [{}, {"k": 4}]}  # fmt: skip
+    job = done(client, "spectra", simulated)
+    variants = client.get(f"/v1/jobs/{job}/result").json()["variants"]
+    found = page(client, job)
+    # |G(4j)| of k / (tau s + 1 + k), k = 1 and 4, tau = 0.2: the loop is linear, so that the first order has all of it
+    for k, variant in zip((1, 4), variants, strict=True):
+        assert variant["harmonics"]["amplitude"][0] == pytest.approx(3 * k / abs(1 + k + 0.8j), rel=1e-6)
+        assert plain(variant["harmonics"]["amplitude"][0]) in found.texts["td"]
+    assert "Harmonics" in found.texts["h2"]
 
 
 def test_an_identification_and_a_validation_are_reported_also_when_the_recording_is_gone(client, dataset) -> None:
@@ -322,6 +406,21 @@ def test_where_no_report_can_be_written_none_is_made(
         with pytest.raises(ValueError, match=f"target must be .*{says}"):
             script.datasets.export("ds_any", tmp_path / place, format="csv")
     assert not [path for path in sent if "report" in path or "bundle" in path or "export" in path]
+
+
+def test_a_script_finds_what_it_has_kept_and_reports_it(sqlite_service, system, tmp_path: Path) -> None:
+    with connect(sqlite_service.url, key=sqlite_service.keys["run"]) as script:
+        kept = script.simulate(system, input=STEP, keep=True)
+        newest = next(script.results.list(kind="simulation"))
+        assert (newest.id, newest.kind) == (kept.id, "simulation")
+        with pytest.raises(ValueError, match=r"must be fetched by client\.results\.get to have a reply"):
+            newest.reply()
+        again = script.results.get(newest.id).reply()
+        assert isinstance(again, Simulation)
+        assert again.metrics["y"]["peak"].value == kept.metrics["y"]["peak"].value
+        content = script.results.report(newest.id, "pdf", tmp_path / "kept.pdf")
+        assert content.startswith(b"%PDF-")
+        assert (tmp_path / "kept.pdf").read_bytes() == content
 
 
 def test_a_report_is_awaited(sqlite_service, optimum) -> None:

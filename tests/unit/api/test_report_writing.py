@@ -136,7 +136,7 @@ def test_sentences_keep_the_names_that_they_begin_with_and_are_said_once() -> No
     said = ["k would have to move", "", "  ", "k would have to move", "y follows"]
     assert sentences(said, "warning") == [Sentence("k would have to move", "warning"), Sentence("y follows", "warning")]
     *_, last = sentences(f"sentence {i}" for i in range(30))
-    assert last == Sentence("10 more are left out; the result of the job holds all of them.")
+    assert last == Sentence("10 more are left out; the result holds all of them.")
 
 
 def test_columns_in_which_nothing_stands_are_left_out() -> None:
@@ -151,7 +151,7 @@ def test_a_matrix_of_many_parameters_shows_the_strongest() -> None:
     parts = list(matrix({"Overshoot": row}, "Metric"))
     names = [name for part in parts[:-1] for name in part.columns[1:]]  # type: ignore[union-attr]
     assert names == [f"p{i}" for i in range(99, 75, -1)]
-    assert parts[-1] == Sentence("The 24 strongest of 100 parameters; the result of the job holds all of them.")
+    assert parts[-1] == Sentence("The 24 strongest of 100 parameters; the result holds all of them.")
 
 
 def test_figures_are_drawn_of_gaps_single_points_and_nothing() -> None:
@@ -168,9 +168,7 @@ def test_figures_are_drawn_of_gaps_single_points_and_nothing() -> None:
 def test_of_many_outputs_and_variants_the_rest_is_told() -> None:
     curves = {f"v{i}": {"time": [0, 1], "outputs": {f"y{k}": [0, i + k] for k in range(20)}} for i in range(30)}
     *_, last = over_time(curves, {}, "many")
-    assert last == Sentence(
-        "12 more outputs and 18 more variants are not drawn; the result of the job holds their curves."
-    )
+    assert last == Sentence("12 more outputs and 18 more variants are not drawn; the result holds their curves.")
 
 
 def test_a_figure_is_drawn_until_nothing_moves_any_more() -> None:

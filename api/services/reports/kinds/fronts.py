@@ -40,7 +40,7 @@ def front(asked: Asked) -> Iterator[Section]:
     columns = (*columns, *names[:left])
     parts.append(table(columns, rows, numeric=range(1, len(columns)), total=len(points)))
     if len(names) > left:
-        parts.append(Sentence(f"{len(names) - left} more variables are left out; the result of the job holds them."))
+        parts.append(Sentence(f"{len(names) - left} more variables are left out; the result holds them."))
     yield Section("Front", parts)
 
 

@@ -154,9 +154,7 @@ def _residuals(residuals: Mapping[str, Mapping[str, Any]]) -> list[Part]:
     if drawn:
         parts.append(panels(drawn, "Autocorrelation of the residuals, lag 0 left out."))
     if len(residuals) > _MOST_OUTPUTS:
-        parts.append(
-            Sentence(f"{len(residuals) - _MOST_OUTPUTS} more outputs are left out; the result of the job holds them.")
-        )
+        parts.append(Sentence(f"{len(residuals) - _MOST_OUTPUTS} more outputs are left out; the result holds them."))
     return parts
 
 

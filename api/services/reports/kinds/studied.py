@@ -89,7 +89,7 @@ def _metrics(names: Sequence[str], found: Sequence[Mapping[str, Any]]) -> Iterat
         rows = ((title(metric), *(measured(metric, found[i].get(metric)) for i in part)) for metric in metrics)
         yield table(("Metric", *(names[i] for i in part)), rows, numeric=range(1, len(part) + 1), total=len(metrics))
     if len(names) > most:
-        yield Sentence(f"The first {most} of {len(names)} variants; the result of the job holds all of them.")
+        yield Sentence(f"The first {most} of {len(names)} variants; the result holds all of them.")
 
 
 def _margins(one: Mapping[str, Any]) -> Iterator[Part]:
