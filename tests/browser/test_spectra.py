@@ -108,8 +108,26 @@ def test_a_spectrum_and_curves_that_are_kept_are_drawn(page: Page, client, recor
         page.goto(f"/results/{kept}")
         expect(page.get_by_test_id("kept").locator("[role=img] :is(svg, canvas)")).to_have_count(charts)
         assert faults(page) == []
+    with page.expect_download(timeout=120_000) as download:
+        page.get_by_role("link", name="Report, PDF").click()
+    assert download.value.path().read_bytes().startswith(b"%PDF-")
     page.goto("/results/res_nothing")
     expect(page.get_by_role("alert")).to_contain_text("res_nothing")
+
+
+def test_a_spectrum_is_kept_as_it_is_shown(page: Page, client, recording) -> None:
+    page.goto(f"/datasets/{recording}?channel=x&quantity=density&segment=8&from=10&to=90")
+    page.get_by_role("button", name="Keep", exact=True).click()
+    page.get_by_role("link", name="Open what was kept").click()
+    page.wait_for_url("**/results/res_*")
+    expect(page.get_by_test_id("kept").locator("[role=img] canvas")).to_have_count(1)
+    request = client.get(f"/v1/results/{page.url.rsplit('/', 1)[1]}").json()["request"]
+    asked = {"dataset": recording, "channel": "x", "part": [10, 90], "quantity": "density", "segment": 8}
+    assert {name: request[name] for name in asked} == asked
+    # Another view is another spectrum, which is not kept yet.
+    page.go_back()
+    page.get_by_role("combobox", name="Shown").select_option("amplitude")
+    expect(page.get_by_role("button", name="Keep", exact=True)).to_be_visible()
 
 
 def test_a_result_leads_back_to_its_samples_and_leaves_as_one_file(page: Page, client, recording) -> None:

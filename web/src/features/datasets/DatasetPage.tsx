@@ -1,9 +1,10 @@
 import { Anchor, Button, Group, MultiSelect, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
-import { keepPreviousData, useQueries, useQuery } from "@tanstack/react-query";
+import { keepPreviousData, useMutation, useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
 import { api, atOnce, must } from "@/shared/api/client";
+import { datasetQuery } from "@/shared/api/datasets";
 import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { CommentsButton } from "@/shared/comments/CommentsButton";
@@ -16,7 +17,7 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { Functions } from "./Functions";
-import { datasetQuery, drawnOf, stretchOf, usualSegment } from "./recording";
+import { drawnOf, stretchOf, usualSegment } from "./recording";
 import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 import { useQueryText } from "@/shared/ui/useQueryText";
@@ -70,12 +71,13 @@ export function DatasetPage() {
   const wanted = Number(query.get("segment")) || undefined;
   const usual = usualSegment(from, to, dataset.data?.sample_rate, dataset.data?.processing?.experiments);
   const segment = wanted ?? usual;
+  const asked = { dataset: id, channel: chosen, part: [from, to], quantity, window, ...(segment ? { segment } : {}) };
   const spectrum = useQuery({
-    queryKey: ["spectrum", id, chosen, from, to, quantity, window, segment],
+    queryKey: ["spectrum", asked],
     enabled: ready && chosen !== "" && to > from,
     retry: false,
     placeholderData: keepPreviousData,
-    queryFn: () => atOnce(api.POST("/v1/spectra", { body: { dataset: id, channel: chosen, part: [from, to], quantity, window, ...(segment ? { segment } : {}) } as unknown as components["schemas"]["SpectrumRequest"] })),
+    queryFn: () => analysed(asked),
   });
   if (dataset.isError) return <ProblemAlert error={dataset.error} m="md" onRetry={() => void dataset.refetch()} />;
   if (!dataset.data) return null;
@@ -182,6 +184,7 @@ export function DatasetPage() {
                 <NativeSelect size="xs" label={t("spectra.quantity")} data={["amplitude", "density"].map((value) => ({ value, label: t(`spectra.quantities.${value}`) }))} value={quantity} onChange={(event) => choose("quantity", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.window")} data={["hann", "flat_top", "none"].map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} value={window} onChange={(event) => choose("window", event.currentTarget.value)} />
                 <PlainEntry label={t("spectra.segment")} unit="s" value={wanted} optional placeholder={usual ? formatNumber(usual) : t("datasets.whole")} refuse={(value) => (value > 0 ? undefined : ruleAndValue(t, "forms.positive", value))} error={isProblem(spectrum.error) ? spectrum.error.at("/segment") : undefined} onCommit={(value) => choose("segment", value === undefined ? "" : String(value))} w={150} />
+                {spectrum.data && <Keep key={JSON.stringify(asked)} asked={asked} />}
               </Group>
               <ProblemAlert error={spectrum.error} shown={["/segment"]} />
               {spectrum.data && <Spectrum name={chosen} reply={spectrum.data} />}
@@ -190,6 +193,29 @@ export function DatasetPage() {
         )}
       </Stack>
     </div>
+  );
+}
+
+/** The spectrum of a recording as the service computes it, and keeps it where that is asked for. */
+const analysed = (asked: object) => atOnce(api.POST("/v1/spectra", { body: asked as components["schemas"]["SpectrumRequest"] }));
+
+/** Keeps what is shown, and then leads there. */
+function Keep({ asked }: { asked: object }) {
+  const { t } = useTranslation();
+  const keep = useMutation({ mutationFn: () => analysed({ ...asked, keep: true }) });
+  return (
+    <>
+      {keep.data?.id ? (
+        <Button variant="default" component={Link} to={`/results/${keep.data.id}`}>
+          {t("results.open")}
+        </Button>
+      ) : (
+        <Button variant="default" onClick={() => keep.mutate()} loading={keep.isPending}>
+          {t("results.keep")}
+        </Button>
+      )}
+      <ProblemAlert error={keep.error} />
+    </>
   );
 }
 

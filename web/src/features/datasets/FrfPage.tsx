@@ -4,12 +4,13 @@ import { useMemo } from "react";
 import { Controller, useForm, type UseFormRegister } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { Link, useParams, useSearchParams } from "react-router";
-import { api, atOnce, must } from "@/shared/api/client";
+import { api, atOnce } from "@/shared/api/client";
+import { datasetQuery } from "@/shared/api/datasets";
 import { isProblem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisLine, AnalysisSpec } from "@/shared/charts/analysis";
-import { systemQuery } from "@/shared/api/systems";
+import { systemChoices, systemQuery } from "@/shared/api/systems";
 import { readFields, writeFields } from "@/shared/forms/address";
 import { faultAt } from "@/shared/forms/faults";
 import { NumberField } from "@/shared/forms/NumberField";
@@ -21,7 +22,6 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 import { ESTIMATORS, FORMS, MEASURED, frfRequest, frfResolver, frfSchema, isPeriodic, measuredPoints, readFrf, WINDOWS, writeFrf, type FrfFields, type Points } from "./frf";
-import { datasetQuery } from "./recording";
 
 type Reply = components["schemas"]["FrfReply"];
 type FrfRequest = components["schemas"]["FrfRequest"];
@@ -108,7 +108,7 @@ function Form({ id, channels, measured, asked, fields }: { id: string; channels:
 /** A model that is held against the measurement: its system, and the path that was measured. */
 function ModelFields({ system, register, wrong }: { system: string; register: UseFormRegister<FrfFields>; wrong(field: keyof FrfFields): string | undefined }) {
   const { t } = useTranslation();
-  const systems = useQuery({ queryKey: ["systems", "choices"], queryFn: async () => (await must(api.GET("/v1/systems", { params: { query: { limit: 200 } } }))).items });
+  const systems = useQuery(systemChoices);
   const stored = useQuery({ ...systemQuery(system), enabled: system !== "" });
   const opened = useQuery({ ...describedQuery(system, stored.data?.revision ?? 0), enabled: system !== "" && stored.data !== undefined }).data;
   const choice = (names: string[]) => [{ value: "", label: t("forms.choose") }, ...names];
@@ -188,8 +188,8 @@ export function FrfResult({ reply, body, kept }: { reply: Reply; body: Record<st
       <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
         <AnalysisChart spec={spec.magnitude} height={300} summary={t("spectra.magnitude")} />
         <AnalysisChart spec={spec.phase} height={300} summary={t("panel.phase")} />
-        {outputs.some(([, found]) => found.coherence) && <AnalysisChart spec={spec.coherence} height={200} summary={t("spectra.coherence")} />}
       </SimpleGrid>
+      {outputs.some(([, found]) => found.coherence) && <AnalysisChart spec={spec.coherence} height={200} summary={t("spectra.coherence")} />}
       {reply.modes && <Modes modes={reply.modes.modes} />}
     </Stack>
   );

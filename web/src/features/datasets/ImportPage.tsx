@@ -17,7 +17,7 @@ import { formatNumber, prettyUnit } from "@/shared/units/format";
 import { FunctionTable, type FunctionHead } from "./Functions";
 import { GroupBoxes, UnevenFields } from "./ImportParts";
 import { fieldsOf, firstOf, importOf, importSchema, isTable, layoutOf, readDraft, writeDraft, type ImportDocument, type ImportFields, type Look } from "./importing";
-import { datasetQuery } from "./recording";
+import { datasetQuery } from "@/shared/api/datasets";
 import { forgetManifest, manifestOf, type Manifest } from "./upload";
 
 /** How a file that has arrived is read: what a worker found in it, and what of it becomes a channel of which name and unit. */

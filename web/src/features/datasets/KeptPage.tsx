@@ -10,10 +10,12 @@ import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { download } from "@/shared/plots/export";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { ReportLinks } from "@/shared/ui/ReportLinks";
 import { When } from "@/shared/ui/When";
 import { words } from "@/shared/units/format";
 import { Spectrum } from "./DatasetPage";
 import { FrfResult } from "./FrfPage";
+import { describedQuery } from "@/shared/systems/described";
 import { curvesOf } from "./kept";
 
 type Kept = components["schemas"]["KeptResult"];
@@ -58,6 +60,7 @@ export function KeptPage() {
         <Button variant="default" onClick={() => download(`${id}.json`, new Blob([JSON.stringify(kept.data, null, 2)], { type: "application/json" }))}>
           {t("jobs.download")}
         </Button>
+        <ReportLinks of={`/v1/results/${id}`} kind={kind} />
         <Button variant="default" component={Link} to={`/lineage/${id}`}>
           {t("lineage.open")}
         </Button>
@@ -70,12 +73,15 @@ export function KeptPage() {
 }
 
 /** What came out, drawn where it has curves, else as it is. */
-function Body({ kept: { id, kind, request, result } }: { kept: Kept }) {
+function Body({ kept: { id, kind, request, result, system } }: { kept: Kept }) {
   const { t } = useTranslation();
+  // The units of outputs are those of the diagram, which a reply without metrics does not tell.
+  const described = useQuery({ ...describedQuery(system?.id ?? "", system?.revision ?? 0), enabled: system != null && kind === "simulation" }).data;
+  const units = new Map(described?.outputs.map(({ name, unit }) => [name, unit]));
   const asked = request ?? {};
   if (kind === "frf") return <FrfResult reply={result as components["schemas"]["FrfReply"]} body={asked} kept={id} />;
   if (kind === "spectrum") return <Spectrum name={String(asked.channel ?? asked.output ?? "")} reply={result as components["schemas"]["SpectrumReply"]} />;
-  const charts = curvesOf(kind, result, t);
+  const charts = curvesOf(kind, result, t, units);
   if (charts.length > 0) return charts.map((spec) => <AnalysisChart key={spec.title} spec={spec} height={300} summary={spec.title} />);
   return (
     <ScrollArea.Autosize mah={480} type="auto" viewportProps={{ tabIndex: 0, role: "group", "aria-label": t("jobs.result") }}>

@@ -13,6 +13,10 @@ describe("a kept result", () => {
     expect(charts[0]!.lines.map(({ y }) => [...y])).toEqual([[0, NaN], [0, 3]]);
     expect([...charts[1]!.lines[0]!.y]).toEqual([]);
   });
+  it("has the units of its system, and where that is not known those of its peaks", () => {
+    const result = { variants: [{ time: [0], outputs: { y: [0], v: [0] }, metrics: { y: { peak: { unit: "mm" } }, v: { peak: { unit: "m/s**2" } } } }] };
+    expect(curvesOf("simulation", result, t, new Map([["y", "m"]])).map(({ y }) => y.unit)).toEqual(["m", "m/s²"]);
+  });
   it("has magnitude in dB and phase in degrees over frequency", () => {
     const [magnitude, phase] = curvesOf("frequency_response", { variants: [{ frequency: [1, 10], magnitude: [1, 0.1], phase: [0, -Math.PI / 2] }] }, t);
     expect([...magnitude!.lines[0]!.y]).toEqual([0, -20]);

@@ -10,6 +10,7 @@ import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { download } from "@/shared/plots/export";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { ReportLinks } from "@/shared/ui/ReportLinks";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { words } from "@/shared/units/format";
 import { useEvents } from "./events";
@@ -20,9 +21,6 @@ import { Convergence } from "./optimization/Convergence";
 import { OptimizationView } from "./optimization/OptimizationView";
 import { isIdentification, isOptimization, isValidation } from "./results";
 import { ValidationView } from "./ValidationView";
-
-/** Kinds of jobs of which the service writes a report. */
-const REPORTED = new Set(["optimization", "identification", "validation", "influence", "simulation", "frequency_response"]);
 
 export function JobPage() {
   const { t } = useTranslation();
@@ -72,13 +70,7 @@ export function JobPage() {
         <Button variant="default" component={Link} to={`/lineage/${id}`}>
           {t("lineage.open")}
         </Button>
-        {result.data !== undefined &&
-          REPORTED.has(kind) &&
-          (["html", "pdf"] as const).map((form) => (
-            <Button key={form} variant="default" component="a" href={`/v1/jobs/${id}/report?format=${form}`} download>
-              {t(`jobs.report.${form}`)}
-            </Button>
-          ))}
+        {result.data !== undefined && <ReportLinks of={`/v1/jobs/${id}`} kind={kind} />}
         {kind === "optimization" && (
           <Button variant="default" component="a" href={`/v1/jobs/${id}/script`} download>
             {t("jobs.script")}

@@ -21,6 +21,7 @@ type Direction = (typeof DIRECTIONS)[number];
 export function LineagePage() {
   const { t } = useTranslation();
   const { id = "" } = useParams();
+  const kind = useKind();
   const [query, setQuery] = useSearchParams();
   const direction: Direction = DIRECTIONS.find((one) => one === query.get("direction")) ?? "both";
   const lineage = useQuery({
@@ -38,7 +39,7 @@ export function LineagePage() {
   const here = lineage.data.nodes.find((node) => node.id === id);
   return (
     <div className="page">
-      <PageHead title={t("lineage.of", { name: here?.name || id })} doc={t("lineage.doc")}>
+      <PageHead title={t("lineage.of", { name: here ? nameOf(here, kind(here)) : id })} doc={t("lineage.doc")}>
         <SegmentedControl size="xs" aria-label={t("lineage.direction")} value={direction} onChange={(value) => setQuery(value === "both" ? {} : { direction: value }, { replace: true, preventScrollReset: true })} data={DIRECTIONS.map((value) => ({ value, label: t(`lineage.directions.${value}`) }))} />
         <Button onClick={() => bundle.mutate()} loading={bundle.isPending} title={t("lineage.bundleDoc")}>
           {t("lineage.bundle")}
@@ -88,21 +89,27 @@ function useKind() {
   };
 }
 
+/** What a thing is called; jobs and kept results have no name of their own and are called by what they do. */
+const nameOf = (node: LineageNode, kind: string): string => (node.name === node.kind ? kind : node.name || node.id);
+
 function Row({ node, reply }: { node: LineageNode; reply: LineageReply }) {
   const { t } = useTranslation();
   const kind = useKind();
   const page = pageOf(node);
-  const from = reply.edges.filter((edge) => edge.to === node.id).map((edge) => reply.nodes.find((other) => other.id === edge.from)?.name || edge.from);
+  const from = reply.edges.filter((edge) => edge.to === node.id).map((edge) => {
+    const source = reply.nodes.find((other) => other.id === edge.from);
+    return source ? nameOf(source, kind(source)) : edge.from;
+  });
   return (
     <Table.Tr>
       <Table.Td>
         {page ? (
           <Text component={Link} to={page} c="var(--mantine-color-anchor)" fz="sm" fw={500}>
-            {node.name || node.id}
+            {nameOf(node, kind(node))}
           </Text>
         ) : (
           <Text fz="sm">
-            {node.name || node.id} {node.exists ? "" : t("lineage.gone")}
+            {nameOf(node, kind(node))} {node.exists ? "" : t("lineage.gone")}
           </Text>
         )}
       </Table.Td>
@@ -122,8 +129,8 @@ function Thing({ data }: NodeProps<LineageBox>) {
   const page = pageOf(node);
   const text = (
     <>
-      <div className={classes.name}>{node.name || node.id}</div>
-      <div className={classes.kind}>{kind}</div>
+      <div className={classes.name}>{nameOf(node, kind)}</div>
+      <div className={classes.kind}>{node.name === node.kind ? node.id : kind}</div>
     </>
   );
   const attributes = { className: `${classes.node} nopan`, "data-kind": node.kind, "data-here": here, "data-gone": !node.exists };

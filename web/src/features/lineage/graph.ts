@@ -52,5 +52,6 @@ export function pageOf(node: LineageNode): string | null {
   if (id.startsWith("sys_")) return revision ? `/systems/${id}/revisions?to=${revision}` : `/systems/${id}/panel`;
   if (id.startsWith("acq_")) return `/acquisitions/${id}`;
   if (id.startsWith("job_")) return `/jobs/${id}`;
+  if (id.startsWith("res_")) return `/results/${id}`;
   return null;
 }

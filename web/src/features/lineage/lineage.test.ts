@@ -15,5 +15,5 @@ it("does not hang on a loop", () => expect(placed([{ id: "a" }, { id: "b" }], [{
 
 it("leads to the page of every node that is still there", () => {
   const node = (id: string, exists = true) => pageOf({ id, exists } as LineageNode);
-  expect([node("ds_1"), node("sys_1@3"), node("job_1"), node("acq_1"), node("res_1"), node("ds_1", false)]).toEqual(["/datasets/ds_1", "/systems/sys_1/revisions?to=3", "/jobs/job_1", "/acquisitions/acq_1", null, null]);
+  expect([node("ds_1"), node("sys_1@3"), node("job_1"), node("acq_1"), node("res_1"), node("ds_1", false)]).toEqual(["/datasets/ds_1", "/systems/sys_1/revisions?to=3", "/jobs/job_1", "/acquisitions/acq_1", "/results/res_1", null]);
 });

@@ -4,6 +4,7 @@ import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { useNavigate } from "react-router";
 import { api, must } from "@/shared/api/client";
+import { datasetQuery, readyDatasets } from "@/shared/api/datasets";
 import { isProblem } from "@/shared/api/problem";
 import { contractQuery } from "@/shared/forms/contract";
 import { SchemaFields } from "@/shared/forms/SchemaFields";
@@ -12,7 +13,7 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import { directFields, readValues, type Direct } from "./direct";
 import { StartButtons } from "./parts";
-import { channelsOf, choicesQuery, datasetQuery } from "./sources";
+import { channelsOf } from "./sources";
 
 /** A model out of a recording alone: the fields are those of the contract, and stand in the address. */
 export function DirectForm({ method }: { method: Direct }) {
@@ -22,7 +23,7 @@ export function DirectForm({ method }: { method: Direct }) {
   const [query, setQuery] = useQueryText();
   const [empty, setEmpty] = useState<string[]>([]);
   const contract = useQuery(contractQuery);
-  const choices = useQuery(choicesQuery);
+  const choices = useQuery(readyDatasets);
   const id = query.get("dataset") ?? "";
   const dataset = useQuery({ ...datasetQuery(id), enabled: id !== "" });
   const fields = contract.data ? directFields(contract.data, method) : [];
@@ -57,7 +58,7 @@ export function DirectForm({ method }: { method: Direct }) {
       }}
     >
       <Stack gap="sm">
-        <Select label={t("matching.dataset")} data={(choices.data?.datasets ?? []).map((row) => ({ value: row.id, label: row.name }))} value={id || null} onChange={(value) => value && change("dataset", value)} searchable maw={420} error={problem?.at("/dataset")} />
+        <Select label={t("matching.dataset")} data={(choices.data ?? []).map((row) => ({ value: row.id, label: row.name }))} value={id || null} onChange={(value) => value && change("dataset", value)} searchable maw={420} error={problem?.at("/dataset")} />
         <ProblemAlert error={contract.error ?? choices.error ?? dataset.error} />
         {dataset.data && fields.length > 0 && (
           <>

@@ -5,7 +5,8 @@ import { useTranslation } from "react-i18next";
 import type { Opened } from "@/shared/live/protocol";
 import { readKnown, type Experiment } from "./address";
 import { RecordingFields } from "./RecordingFields";
-import { choicesQuery, datasetQuery, guessed } from "./sources";
+import { datasetQuery, readyDatasets } from "@/shared/api/datasets";
+import { guessed } from "./sources";
 
 interface Props {
   more: Experiment[];
@@ -33,7 +34,7 @@ export function FurtherRecordings({ more, opened, onChange, wrong }: Props) {
 
 function FurtherRecording({ number, experiment, opened, onChange, wrong }: { number: number; experiment: Experiment; opened: Opened; onChange(next: Experiment | null): void; wrong(pointer: string): string | undefined }) {
   const { t } = useTranslation();
-  const choices = useQuery(choicesQuery);
+  const choices = useQuery(readyDatasets);
   const dataset = useQuery({ ...datasetQuery(experiment.dataset), enabled: experiment.dataset !== "" }).data;
   const untouched = Object.keys(experiment.inputs).length + Object.keys(experiment.outputs).length === 0;
   useEffect(() => {
@@ -51,7 +52,7 @@ function FurtherRecording({ number, experiment, opened, onChange, wrong }: { num
           ×
         </Button>
       </Group>
-      <RecordingFields recorded={experiment} change={(part) => onChange({ ...experiment, ...part })} opened={opened} dataset={experiment.dataset ? dataset : undefined} datasets={choices.data?.datasets ?? []} wrong={wrong} />
+      <RecordingFields recorded={experiment} change={(part) => onChange({ ...experiment, ...part })} opened={opened} dataset={experiment.dataset ? dataset : undefined} datasets={choices.data ?? []} wrong={wrong} />
       <Group align="flex-start" mt="xs">
         <NumberInput size="xs" w={190} label={t("matching.split")} description={t("matching.splitAll")} min={0} max={100} suffix=" %" hideControls value={Math.round(experiment.split * 1000) / 10} onChange={(value) => typeof value === "number" && onChange({ ...experiment, split: value / 100 })} error={wrong("/split")} />
         <TextInput w={300} label={t("matching.known")} description={t("matching.knownDoc")} placeholder="load = 25 kg; current = 0.5" value={experiment.known} onChange={(event) => onChange({ ...experiment, known: event.currentTarget.value })} error={readKnown(experiment.known) === undefined ? t("optimise.badScenario") : wrong("/parameters")} />

@@ -3,7 +3,8 @@ import { useQuery } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
-import { systemQuery } from "@/shared/api/systems";
+import { datasetQuery, readyDatasets, type Dataset } from "@/shared/api/datasets";
+import { systemChoices, systemQuery } from "@/shared/api/systems";
 import type { Opened } from "@/shared/live/protocol";
 import { describedQuery } from "@/shared/systems/described";
 import { Empty } from "@/shared/ui/Empty";
@@ -11,7 +12,7 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import { readMatch, writeMatch, type Match } from "./address";
 import { RecordingFields } from "./RecordingFields";
-import { choicesQuery, datasetQuery, guessed, type Dataset } from "./sources";
+import { guessed } from "./sources";
 
 export interface Matched {
   match: Match;
@@ -43,10 +44,11 @@ export function useMatch(): Matched {
 /** Which system is held against which recording, and which channel is which signal. */
 export function MatchFields({ match, change, opened, dataset, error, wrong }: Matched & { wrong(pointer: string): string | undefined }) {
   const { t } = useTranslation();
-  const choices = useQuery(choicesQuery);
-  if (choices.isError) return <ProblemAlert error={choices.error} onRetry={() => void choices.refetch()} />;
-  if (!choices.data) return null;
-  const { systems, datasets } = choices.data;
+  const [known, recorded] = [useQuery(systemChoices), useQuery(readyDatasets)];
+  const failed = [known, recorded].find(({ isError }) => isError);
+  if (failed) return <ProblemAlert error={failed.error} onRetry={() => void failed.refetch()} />;
+  if (!known.data || !recorded.data) return null;
+  const [systems, datasets] = [known.data, recorded.data];
   if (systems.length === 0 || datasets.length === 0) {
     return (
       <Empty

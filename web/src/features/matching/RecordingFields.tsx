@@ -4,7 +4,8 @@ import { Link } from "react-router";
 import type { Opened } from "@/shared/live/protocol";
 import { prettyUnit } from "@/shared/units/format";
 import { WAYS, type Recorded } from "./address";
-import { channelsOf, type Dataset } from "./sources";
+import type { Dataset } from "@/shared/api/datasets";
+import { channelsOf } from "./sources";
 
 interface Props {
   recorded: Recorded;

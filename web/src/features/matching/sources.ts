@@ -1,24 +1,5 @@
-import { queryOptions } from "@tanstack/react-query";
-import { api, must } from "@/shared/api/client";
-import type { components } from "@/shared/api/schema";
+import type { Dataset } from "@/shared/api/datasets";
 import type { Opened } from "@/shared/live/protocol";
-
-export type Dataset = components["schemas"]["DatasetReply"];
-
-/** Systems and recordings to choose from, the newest first. */
-export const choicesQuery = queryOptions({
-  queryKey: ["choices"],
-  queryFn: async () => {
-    const [systems, datasets] = await Promise.all([must(api.GET("/v1/systems", { params: { query: { limit: 200 } } })), must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } }))]);
-    return { systems: systems.items, datasets: datasets.items.filter((row) => row.status === "ready") };
-  },
-});
-
-export const datasetQuery = (id: string) =>
-  queryOptions({
-    queryKey: ["dataset", id],
-    queryFn: (): Promise<Dataset> => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })),
-  });
 
 export interface Channel {
   name: string;

@@ -1,7 +1,7 @@
 import { Group, NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
-import { api, must } from "@/shared/api/client";
+import { datasetQuery, readyDatasets } from "@/shared/api/datasets";
 import type { components } from "@/shared/api/schema";
 import type { Scalar } from "@/shared/api/types";
 import { ListEntry } from "@/shared/forms/SchemaFields";
@@ -56,12 +56,12 @@ export function SignalFields({ signal, signals, at, faultAt, onChange }: Props) 
 function Recorded({ signal, at, faultAt, onChange }: Omit<Props, "signals">) {
   const { t } = useTranslation();
   const dataset = String(signal.dataset ?? "");
-  const recordings = useQuery({ queryKey: ["search", "recordings"], queryFn: () => must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } })) });
-  const chosen = useQuery({ queryKey: ["dataset", dataset], enabled: dataset !== "", queryFn: () => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: dataset } } })) });
+  const recordings = useQuery(readyDatasets);
+  const chosen = useQuery({ ...datasetQuery(dataset), enabled: dataset !== "" });
   const none = { value: "", label: t("forms.choose") };
   return (
     <>
-      <NativeSelect size="xs" label={t("optimise.recording")} value={dataset} data={[none, ...(recordings.data?.items ?? []).filter(({ status }) => status === "ready").map(({ id, name }) => ({ value: id, label: name }))]} error={faultAt(`${at}.dataset`)} onChange={(event) => onChange({ kind: "sampled", dataset: event.currentTarget.value, channel: "" })} />
+      <NativeSelect size="xs" label={t("optimise.recording")} value={dataset} data={[none, ...(recordings.data ?? []).map(({ id, name }) => ({ value: id, label: name }))]} error={faultAt(`${at}.dataset`)} onChange={(event) => onChange({ kind: "sampled", dataset: event.currentTarget.value, channel: "" })} />
       <NativeSelect size="xs" label={t("optimise.channel")} value={String(signal.channel ?? "")} data={[none, ...(chosen.data?.channels ?? []).map((channel) => ({ value: String(channel.name), label: String(channel.name) }))]} error={faultAt(`${at}.channel`)} onChange={(event) => onChange({ ...signal, channel: event.currentTarget.value })} />
     </>
   );

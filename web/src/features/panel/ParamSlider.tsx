@@ -139,7 +139,7 @@ interface HeadProps {
 const LONG = 6;
 
 /** What does not change while the slider moves: it is not rendered then. */
-const Head = memo(function Head({ parameter: { path, unit, doc }, influence, metric, knob, log, canLog, moved, locus, pull, onReset, onRemove, onKnob, onLocus, onPull, onScale }: HeadProps) {
+const Head = memo(function Head({ parameter: { path, doc }, influence, metric, knob, log, canLog, moved, locus, pull, onReset, onRemove, onKnob, onLocus, onPull, onScale }: HeadProps) {
   const { t } = useTranslation();
   return (
     <Group justify="space-between" wrap="nowrap" gap={4} className={classes.label}>
@@ -155,8 +155,7 @@ const Head = memo(function Head({ parameter: { path, unit, doc }, influence, met
       </Tooltip>
       <Group gap={0} wrap="nowrap" className={classes.name}>
         <Text span fz="xs" c="dimmed" className="numbers" aria-hidden>
-          {log ? "log " : ""}
-          {prettyUnit(unit) ? `[${prettyUnit(unit)}]` : ""}
+          {log ? "log" : ""}
         </Text>
         <ActionIcon size="xs" variant="transparent" color="gray" aria-label={t("panel.reset", { path })} title={t("panel.reset", { path })} onClick={onReset} disabled={!moved}>
           ↺

@@ -1,11 +1,19 @@
 import { queryOptions } from "@tanstack/react-query";
 import { api, must } from "./client";
+import type { components } from "./schema";
 
-/** Recordings that can be chosen. */
+export type Dataset = components["schemas"]["DatasetReply"];
+
+/** Recordings that can be chosen, the newest first. */
 export const readyDatasets = queryOptions({
-  queryKey: ["datasets", "choice"],
-  queryFn: async () => (await must(api.GET("/v1/datasets", { params: { query: { limit: 100 } } }))).items.filter((one) => one.status === "ready"),
+  queryKey: ["datasets", "choices"],
+  queryFn: async () => (await must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } }))).items.filter((one) => one.status === "ready"),
 });
 
-/** One recording with its channels. */
-export const datasetQuery = (id: string) => queryOptions({ queryKey: ["dataset", id], queryFn: () => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })) });
+/** A recording with its channels; asked for again until its file has been read. */
+export const datasetQuery = (id: string) =>
+  queryOptions<Dataset>({
+    queryKey: ["dataset", id],
+    refetchInterval: (query) => (query.state.data && ["open", "parsing"].includes(query.state.data.status) ? 1000 : false),
+    queryFn: (): Promise<Dataset> => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })),
+  });

@@ -11,6 +11,9 @@ export const systemsQuery = infiniteQueryOptions({
   getNextPageParam: (page) => page.next_cursor ?? undefined,
 });
 
+/** Systems that can be chosen, the newest first. */
+export const systemChoices = queryOptions({ queryKey: [...systemsKey, "choices"], queryFn: async () => (await must(api.GET("/v1/systems", { params: { query: { limit: 200 } } }))).items });
+
 export const systemQuery = (id: string) =>
   queryOptions({
     queryKey: ["system", id],

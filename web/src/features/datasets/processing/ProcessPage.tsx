@@ -4,6 +4,7 @@ import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useNavigate, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
+import { datasetQuery, readyDatasets, type Dataset } from "@/shared/api/datasets";
 import { isProblem } from "@/shared/api/problem";
 import { contractQuery } from "@/shared/forms/contract";
 import { SchemaFields } from "@/shared/forms/SchemaFields";
@@ -13,7 +14,6 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { words } from "@/shared/units/format";
 import { useQueryText } from "@/shared/ui/useQueryText";
-import { datasetQuery, type Dataset } from "../recording";
 import { channelsBefore, gaps, readPlan, requestOf, stepKinds, writePlan, type Plan, type Step } from "./steps";
 
 /** A new recording out of this one: filtered, cut, resampled, put together with others; the steps stand in the address. */
@@ -44,7 +44,7 @@ function Form({ dataset, kinds }: { dataset: Dataset; kinds: Map<string, Field[]
   const plan = readPlan(query);
   const [empty, setEmpty] = useState<string[]>([]);
   const change = (part: Partial<Plan>) => setQuery((before) => writePlan({ ...readPlan(before), ...part }));
-  const others = useQuery({ queryKey: ["datasets", "choices"], queryFn: async () => (await must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } }))).items.filter((row) => row.status === "ready" && row.id !== dataset.id) });
+  const others = useQuery(readyDatasets);
   const channels = [...new Set(dataset.channels.map((channel) => String(channel.name)))];
   const make = useMutation({
     mutationFn: () => must(api.POST("/v1/processings", { body: requestOf(plan, dataset.id, kinds) as never })),
@@ -80,7 +80,7 @@ function Form({ dataset, kinds }: { dataset: Dataset; kinds: Map<string, Field[]
       <Stack gap="md">
         <Group align="flex-start">
           <TextInput label={t("process.name")} value={plan.name} onChange={(event) => change({ name: event.currentTarget.value })} error={wrong("name", "/name")} w={300} />
-          <MultiSelect label={t("process.others")} description={t("process.othersDoc")} data={(others.data ?? []).map((row) => ({ value: row.id, label: row.name }))} value={plan.others} onChange={(next) => change({ others: next })} searchable error={problem?.at("/sources")} w={360} />
+          <MultiSelect label={t("process.others")} description={t("process.othersDoc")} data={(others.data ?? []).filter((row) => row.id !== dataset.id).map((row) => ({ value: row.id, label: row.name }))} value={plan.others} onChange={(next) => change({ others: next })} searchable error={problem?.at("/sources")} w={360} />
           {plan.others.length > 0 && <NativeSelect size="xs" label={t("process.combine")} value={plan.combine} onChange={(event) => change({ combine: event.currentTarget.value as Plan["combine"] })} data={(["append", "side_by_side"] as const).map((value) => ({ value, label: t(`process.combines.${value}`) }))} error={problem?.at("/combine")} />}
         </Group>
         {plan.steps.length === 0 && <Empty title={t("process.none")}>{t("process.noneDoc")}</Empty>}
