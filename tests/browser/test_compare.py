@@ -102,11 +102,25 @@ def test_a_recording_lies_over_the_curves_and_another_design_is_added(
     page.goto(f"/compare?d={lag}@1&ds=y~{bench}~y~0~0&v=step:y")
     expect(page.get_by_test_id("recording")).to_have_text("y → y")
     expect(page.get_by_text(re.compile("y, measured"))).to_be_visible()
+    # What it tells by itself stands beside the design: of 1.5 (1 - exp(-10 t)) to 0.998 s, in straight lines between samples.
+    expect(page.get_by_test_id("comparison")).to_have_attribute("aria-busy", "false")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Table (CSV)").click()
+    head, *rows = csv.reader(download.value.path().read_text().splitlines())
+    assert head[-1] == "y, recorded"
+    found = {name: cells for name, _, *cells in rows}
+    end = 1 - math.exp(-9.98)
+    assert float(found["rise_time"][1]) == pytest.approx(0.1 * math.log((1 - 0.1 * end) / (1 - 0.9 * end)), rel=1e-4)
+    assert float(found["peak"][1]) == pytest.approx(1.5 * end, rel=1e-9)
+    assert found["bandwidth"][1] == ""
     page.get_by_role("button", name="Add a design").click()
     page.get_by_role("combobox", name="System, optimum, model or recording").click()
     page.get_by_role("option", name=LAG["name"], exact=True).first.click()
     page.get_by_role("dialog").get_by_role("button", name="Add a design").click()
+    expect(page.get_by_test_id("comparison").locator("thead a")).to_have_count(3)
+    page.get_by_role("button", name="Take y, recorded out").click()
     expect(page.get_by_test_id("comparison").locator("thead a")).to_have_count(2)
+    expect(page).not_to_have_url(re.compile(bench))
 
 
 def test_an_identified_model_and_a_recording_are_compared(page: Page, client: httpx.Client, lag: str) -> None:

@@ -14,10 +14,12 @@ import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { useQueryText } from "@/shared/ui/useQueryText";
+import { words } from "@/shared/units/format";
 import { AddDesign } from "./AddDesign";
-import { CompareTable } from "./CompareTable";
+import { CompareTable, type Head } from "./CompareTable";
 import { common, designQuery, labelsOf, type Design } from "./designs";
 import { frameOf, openedOf, rowsOf } from "./overlaid";
+import { recordedQuery } from "./recorded";
 import { axesOf, drawnQuery, measuredQuery, SAMPLES, type Question } from "./study";
 
 const NO_GOALS: never[] = [];
@@ -118,8 +120,14 @@ function Compared({ designs, view, domains, onChange, onDrop }: ComparedProps) {
     queryFn: () => openedOnce({ system: designs.find((design) => view.measured.every((one) => design.outputs.has(one.output)))?.document ?? designs[0]!.document, measured: view.measured, samples: SAMPLES, duration: axes!.end }),
   });
   const recorded = view.measured.length > 0 ? overlays.data?.measured : undefined;
+  const ofRecordings = useQueries({ queries: axes ? view.measured.map((overlay) => recordedQuery(overlay, axes.end, usualMetrics([]))) : [] });
   const labels = labelsOf(designs);
-  const rows = rowsOf(designs, designs.map((_, i) => measured[i]?.data?.metrics), question?.metrics ?? []);
+  const columns = [...designs.map((_, i) => measured[i]?.data?.metrics), ...view.measured.map((_, i) => ofRecordings[i]?.data)];
+  const rows = rowsOf(designs, columns, question?.metrics ?? []);
+  const heads: Head[] = [
+    ...designs.map(({ id, to }, i) => ({ id, label: labels[i]!, to, onDrop: () => onDrop(id) })),
+    ...view.measured.map(({ dataset, channel }, i) => ({ id: `recording ${i}`, label: t("compare.recorded", { channel: words(channel) }), to: `/datasets/${dataset}`, doc: t("compare.recordedDoc"), onDrop: () => onChange({ measured: view.measured.filter((_, k) => k !== i) }) })),
+  ];
   const state = { ...view, input: input ?? null, loop };
   const chosen = view.plots ?? firstPlots([...union.curves], output, loop !== null);
   const faults = designs.map((_, i) => measured[i]?.error ?? drawn[i]?.error ?? null);
@@ -138,8 +146,8 @@ function Compared({ designs, view, domains, onChange, onDrop }: ComparedProps) {
         </Group>
       )}
       {faults.map((error, i) => error && <Refused key={designs[i]!.id} name={labels[i]!} error={error} onDrop={() => onDrop(designs[i]!.id)} />)}
-      <ProblemAlert error={overlays.error} />
-      <CompareTable designs={designs} labels={labels} rows={rows} pending={waiting} onDrop={onDrop} />
+      <ProblemAlert error={overlays.error ?? ofRecordings.find(({ error }) => error)?.error} />
+      <CompareTable heads={heads} rows={rows} pending={waiting || ofRecordings.some(({ isPending }) => isPending)} />
       {question && axes && <Overlaid designs={designs} labels={labelsOf(designs, true)} drawn={drawn.map(({ data }) => data)} axes={axes} recorded={recorded} plots={chosen} output={output} loop={loop !== null} />}
       {waiting && <Busy>{t("panel.measuring")}</Busy>}
     </>

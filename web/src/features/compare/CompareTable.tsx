@@ -4,22 +4,28 @@ import { Link } from "react-router";
 import { download, fileName } from "@/shared/plots/export";
 import { MetricValue } from "@/shared/ui/MetricValue";
 import { withUnit, words } from "@/shared/units/format";
-import type { Design } from "./designs";
 import { tableCsv, type Row } from "./overlaid";
 
-interface Props {
-  designs: readonly Design[];
-  labels: string[];
-  rows: readonly Row[];
-  pending: boolean;
-  onDrop(id: string): void;
+/** What stands on top of a column, and how it is taken out: a design, or a recording. */
+export interface Head {
+  id: string;
+  label: string;
+  to: string;
+  doc?: string;
+  onDrop(): void;
 }
 
-/** One column for each design, one line for each metric and each parameter that differs. */
-export function CompareTable({ designs, labels, rows, pending, onDrop }: Props) {
+interface Props {
+  heads: readonly Head[];
+  rows: readonly Row[];
+  pending: boolean;
+}
+
+/** One column for each design and each recording, one line for each metric and each parameter that differs. */
+export function CompareTable({ heads, rows, pending }: Props) {
   const { t } = useTranslation();
   const nameOf = (row: Row) => (row.kind === "metric" ? t(`metrics.${row.name}`, words(row.name)) : row.name);
-  const save = () => download(fileName(t("compare.title"), "csv"), new Blob([tableCsv(labels, rows, { property: t("panel.property"), unit: t("compare.unit") })], { type: "text/csv" }));
+  const save = () => download(fileName(t("compare.title"), "csv"), new Blob([tableCsv(heads.map(({ label }) => label), rows, { property: t("panel.property"), unit: t("compare.unit") })], { type: "text/csv" }));
   const parts = [
     { kind: "metric", title: t("panel.metrics") },
     { kind: "parameter", title: t("compare.parameters") },
@@ -32,18 +38,18 @@ export function CompareTable({ designs, labels, rows, pending, onDrop }: Props) 
           {t("plot.csv")}
         </Button>
       </Group>
-      <Table.ScrollContainer minWidth={220 + 150 * designs.length}>
+      <Table.ScrollContainer minWidth={220 + 150 * heads.length}>
         <Table withColumnBorders highlightOnHover w="auto" data-testid="comparison" aria-busy={pending}>
           <Table.Thead>
             <Table.Tr>
               <Table.Th aria-label={t("panel.property")} />
-              {designs.map((design, i) => (
-                <Table.Th key={design.id} ta="right" miw={130} maw={240}>
+              {heads.map((head) => (
+                <Table.Th key={head.id} ta="right" miw={130} maw={240} title={head.doc}>
                   <Group gap={4} justify="flex-end" wrap="nowrap" align="flex-start">
-                    <Text component={Link} to={design.to} c="var(--mantine-color-anchor)" fz="sm" fw={600}>
-                      {labels[i]}
+                    <Text component={Link} to={head.to} c="var(--mantine-color-anchor)" fz="sm" fw={600}>
+                      {head.label}
                     </Text>
-                    <CloseButton size="sm" aria-label={t("compare.drop", { name: labels[i] })} onClick={() => onDrop(design.id)} />
+                    <CloseButton size="sm" aria-label={t("compare.drop", { name: head.label })} onClick={head.onDrop} />
                   </Group>
                 </Table.Th>
               ))}
@@ -52,7 +58,7 @@ export function CompareTable({ designs, labels, rows, pending, onDrop }: Props) 
           {parts.filter(({ kind }) => kind === "parameter" || rows.some((row) => row.kind === kind)).map(({ kind, title }) => (
             <Table.Tbody key={kind}>
               <Table.Tr>
-                <Table.Th scope="rowgroup" colSpan={designs.length + 1} c="dimmed" fz="xs">
+                <Table.Th scope="rowgroup" colSpan={heads.length + 1} c="dimmed" fz="xs">
                   {title}
                 </Table.Th>
               </Table.Tr>
@@ -64,7 +70,7 @@ export function CompareTable({ designs, labels, rows, pending, onDrop }: Props) 
                       {nameOf(row)}
                     </Table.Th>
                     {row.cells.map((cell, i) => (
-                      <Table.Td key={designs[i]!.id} ta="right" className="numbers" title={cell?.advice ?? undefined}>
+                      <Table.Td key={heads[i]!.id} ta="right" className="numbers" title={cell?.advice ?? undefined}>
                         {cell === null ? "–" : kind === "metric" ? <MetricValue kind={row.name} metric={cell} /> : withUnit(cell.value!, cell.unit)}
                       </Table.Td>
                     ))}
@@ -72,7 +78,7 @@ export function CompareTable({ designs, labels, rows, pending, onDrop }: Props) 
                 ))}
               {kind === "parameter" && !rows.some((row) => row.kind === kind) && (
                 <Table.Tr>
-                  <Table.Td colSpan={designs.length + 1}>{t("compare.sameParameters")}</Table.Td>
+                  <Table.Td colSpan={heads.length + 1}>{t("compare.sameParameters")}</Table.Td>
                 </Table.Tr>
               )}
             </Table.Tbody>

@@ -3,6 +3,7 @@ import type { Metric } from "@/shared/api/types";
 import { compareAt, readDesigns } from "@/shared/systems/compared";
 import { common, labelsOf, type Design } from "./designs";
 import { frameOf, openedOf, rowsOf, tableCsv } from "./overlaid";
+import { asCommand } from "./recorded";
 import { axesOf, type Drawn } from "./study";
 
 const design = (part: Partial<Design>): Design => ({ id: "sys_a@1", name: "lag", part: "revision 1", to: "", document: { blocks: {}, outputs: {} }, values: {}, inputs: ["u"], outputs: new Map([["y", "m"]]), loops: [], parameters: new Map(), nonlinear: false, ...part });
@@ -61,6 +62,13 @@ describe("curves laid over each other", () => {
   });
 });
 
+describe("a recorded curve", () => {
+  const overlay = { output: "y", start: 0.5, relative: true };
+  it("is measured from its start on, without its gaps, from its first value where that is wanted", () =>
+    expect(asCommand([0.4, 0.5, 0.6, 0.7, 0.8], [9, 2, null, 5, 6], overlay)).toMatchObject({ input: { signal: { time: [0, expect.closeTo(0.2), expect.closeTo(0.3)], values: [0, 3, 4] } }, duration: expect.closeTo(0.3) }));
+  it("of fewer than two samples has no metrics", () => expect(asCommand([0.4, 0.5], [1, 2], overlay)).toBeNull());
+});
+
 describe("the table", () => {
   const parameters = (tau: number, more: [string, { value: number; unit: string }][] = []) => new Map([["k", { value: 2, unit: "1" }], ["tau", { value: tau, unit: "s" }], ...more]);
   const designs = [{ parameters: parameters(0.1) }, { parameters: parameters(0.2, [["law.kp", { value: 3, unit: "" }]]) }];
@@ -69,6 +77,10 @@ describe("the table", () => {
   it("has metrics that any design has, and parameters that differ", () => {
     expect(rows.map(({ kind, name }) => [kind, name])).toEqual([["metric", "rise_time"], ["metric", "overshoot"], ["parameter", "tau"], ["parameter", "law.kp"]]);
     expect(rows[3]!.cells).toEqual([null, { value: 3, unit: "", verdict: "ok" }]);
+  });
+  it("has a column of metrics for a recording, which has no parameters", () => {
+    const recorded: Record<string, Metric> = { rise_time: { value: 0.2, unit: "s", verdict: "ok" } };
+    expect(rowsOf(designs, [...metrics, recorded], ["rise_time"]).map(({ cells }) => [cells.length, cells[2]?.value ?? null])).toEqual([[3, 0.2], [3, null], [3, null]]);
   });
   it("is exported in SI, with a verdict where there is no value", () => {
     expect(tableCsv(['one "1"', "two"], rows, { property: "property", unit: "unit" }).split("\n")).toEqual([

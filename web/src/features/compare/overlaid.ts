@@ -43,11 +43,11 @@ export interface Row {
   kind: "metric" | "parameter";
   name: string;
   unit: string;
-  /** One for each design; null where it has none. */
+  /** One for each design, then one for each recording; null where it has none. */
   cells: (Metric | null)[];
 }
 
-/** Metrics first, then the parameters that are not the same in all designs. */
+/** Metrics first, those of designs before those of recordings, then the parameters that are not the same in all designs. */
 export function rowsOf(designs: readonly Pick<Design, "parameters">[], metrics: readonly (Record<string, Metric> | undefined)[], names: readonly string[]): Row[] {
   const measured = names.flatMap((name): Row[] => {
     const cells = metrics.map((own) => own?.[name] ?? null);
@@ -58,7 +58,7 @@ export function rowsOf(designs: readonly Pick<Design, "parameters">[], metrics: 
   const differing = paths.flatMap((path): Row[] => {
     const own = designs.map(({ parameters }) => parameters.get(path));
     if (own.every((one) => one?.value === own[0]?.value && one?.unit === own[0]?.unit)) return [];
-    return [{ kind: "parameter", name: path, unit: own.find((one) => one)!.unit, cells: own.map((one) => (one ? { ...one, verdict: "ok" } : null)) }];
+    return [{ kind: "parameter", name: path, unit: own.find((one) => one)!.unit, cells: [...own.map((one) => (one ? { ...one, verdict: "ok" } : null)), ...metrics.slice(designs.length).map(() => null)] }];
   });
   return [...measured, ...differing];
 }

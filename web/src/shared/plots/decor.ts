@@ -75,12 +75,12 @@ export function paintMarks(u: uPlot, spec: PlotSpec, marks: Mark[]): void {
   });
 }
 
-/** Where the text of a distance stands: above a level one, where the grip at its end leaves room; beyond a short one, where it hides no curve; else at its middle. */
+/** Where the text of a distance stands: above a level one, where the grip at its end leaves room; beyond the line that a short one is measured from, where it hides no curve; else at its middle. */
 function lineOf(y0: number, y1: number, unit: number): number {
   const [middle, size] = [(y0 + y1) / 2, Math.abs(y1 - y0)];
   if (size < 8 * unit) return middle - 14 * unit;
   if (size > 3 * FONT_SIZE * unit) return middle;
-  return y1 > y0 ? y1 + (FONT_SIZE + 6) * unit : y1 - 8 * unit;
+  return y0 > y1 ? y0 + (FONT_SIZE + 6) * unit : y0 - 8 * unit;
 }
 
 /** The lines of a chart, thin, each with its text. */
