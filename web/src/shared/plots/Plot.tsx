@@ -1,5 +1,5 @@
 import { ActionIcon, CloseButton, Group, Menu, Text } from "@mantine/core";
-import { memo, useEffect, useImperativeHandle, useRef, type Ref } from "react";
+import { memo, useEffect, useImperativeHandle, useRef, useState, type Ref } from "react";
 import { useTranslation } from "react-i18next";
 import { csvOf, download, fileName } from "./export";
 import classes from "./Plot.module.css";
@@ -42,6 +42,8 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
   const behind = useRef<Decor | undefined>(undefined);
   /** What the picture shows: of other series the curves are still to come. */
   const drawn = useRef({ spec, curves: shown.current });
+  /** Before the first curves there is nothing to export. */
+  const [empty, setEmpty] = useState(true);
 
   const zoom = useRef(onZoom);
   zoom.current = onZoom;
@@ -71,6 +73,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
     holder.current?.removeAttribute("data-waiting");
     if (next.length !== spec.series.length) return;
     drawn.current = { spec, curves: next };
+    if (empty) setEmpty(false);
     plot.current?.update(next, decor);
   };
   useImperativeHandle(ref, () => ({ update }));
@@ -90,7 +93,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
           <Text ref={readout} span fz="xs" c="dimmed" className="numbers" />
           <Menu position="bottom-end" withinPortal>
             <Menu.Target>
-              <ActionIcon variant="subtle" color="gray" size="sm" aria-label={t("plot.export", { title: spec.title })}>
+              <ActionIcon variant="subtle" color="gray" size="sm" disabled={empty} aria-label={t("plot.export", { title: spec.title })}>
                 ⋯
               </ActionIcon>
             </Menu.Target>
