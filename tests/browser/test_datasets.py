@@ -298,6 +298,18 @@ def test_an_upload_that_breaks_off_goes_on_where_it_was(page: Page, tmp_path, cl
     expect(page.get_by_text("180000 samples")).to_be_visible(timeout=60_000)
 
 
+def test_the_list_is_searched_by_name(page: Page, client) -> None:
+    for name in ("chirp of the morning", "chirp of the evening"):
+        client.post("/v1/datasets", json={"name": name, "format": "csv"}).raise_for_status()
+    page.goto("/datasets")
+    page.get_by_role("searchbox", name="Search").fill("Chirp of the e")
+    expect(page.get_by_test_id("datasets").get_by_role("link")).to_have_text(["chirp of the evening"])
+    expect(page).to_have_url(re.compile(r"\?q=Chirp"))
+    page.get_by_role("searchbox", name="Search").fill("nothing of the kind")
+    expect(page.get_by_text("No recording is called “nothing of the kind”.")).to_be_visible()
+    assert faults(page) == []
+
+
 def test_a_key_is_made_shown_once_used_and_revoked(page: Page, service) -> None:
     page.goto("/access")
     page.get_by_role("textbox", name="Name").fill("lab PC")

@@ -1,4 +1,4 @@
-import { Button, FileButton, Stack } from "@mantine/core";
+import { Button, FileButton, Stack, Text, TextInput } from "@mantine/core";
 import { useInfiniteQuery } from "@tanstack/react-query";
 import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
@@ -8,6 +8,7 @@ import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { When } from "@/shared/ui/When";
 import { UploadPanel } from "./UploadPanel";
 
@@ -23,6 +24,10 @@ export function DatasetsPage() {
   const [file, setFile] = useState<File | null>(null);
   const choose = useRef<HTMLButtonElement>(null);
   const rows = datasets.data?.pages.flatMap((page) => page.items) ?? [];
+  const [query, setQuery] = useQueryText();
+  const search = query.get("q") ?? "";
+  const find = (text: string) => setQuery(() => new URLSearchParams(text ? { q: text } : {}));
+  const shown = rows.filter((row) => `${row.name} ${row.id}`.toLowerCase().includes(search.toLowerCase()));
   return (
     <div className="page">
       <PageHead title={t("nav.datasets")} doc={t("datasets.doc")}>
@@ -42,11 +47,13 @@ export function DatasetsPage() {
             {t("datasets.noneDoc")}
           </Empty>
         )}
-        {rows.length > 0 && (
+        {rows.length > 0 && <TextInput label={t("systems.search")} value={search} onChange={(event) => find(event.currentTarget.value)} maw={320} type="search" />}
+        {rows.length > 0 && shown.length === 0 && <Text fz="sm">{t("datasets.noMatch", { search })}</Text>}
+        {shown.length > 0 && (
           <DataTable
             testId="datasets"
             highlight
-            rows={rows}
+            rows={shown}
             keyOf={(row) => row.id}
             columns={[
               { title: t("systems.name"), cell: (row) => <NameLink to={`/datasets/${row.id}`}>{row.name}</NameLink> },
