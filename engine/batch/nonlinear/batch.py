@@ -119,7 +119,6 @@ class NonlinearBatch:
         self._fastest = float(np.abs(linear.values).max(initial=0.0))
         lifetime = linear.lifetime
         self._pace = _LIFETIME * lifetime if 0 < lifetime < np.inf else 1.0
-        self._doublings: dict[tuple[int, float], int] = {}
         self._writing = threading.Lock()
         self._searched: Rest | None = None
 
@@ -150,12 +149,13 @@ class NonlinearBatch:
         jobs = [(experiment, block) for experiment in range(len(self._experiments)) for block in blocks]
         workers = min(threads or len(os.sched_getaffinity(0)), len(jobs))
         if workers <= 1:
-            needed = [self._follow(*job, given, found) for job in jobs]
+            for job in jobs:
+                self._follow(*job, given, found)
         else:
             with ThreadPoolExecutor(workers) as pool:
                 pending = [pool.submit(self._follow, *job, given, found) for job in jobs]
-                needed = [done.result() for done in pending]
-        self._remember(needed)
+                for done in pending:
+                    done.result()
         doubtful[~valid] = False
         values[doubtful] = np.nan
         return Screened(values=values, doubtful=doubtful, growth=np.full(total, np.nan), valid=valid)
@@ -166,38 +166,24 @@ class NonlinearBatch:
         moment = Pieces(edges=np.zeros(2), samples=np.zeros(1, dtype=int), stride=1, inputs=[silence])
         return self.marcher(given.start, given.once, moment).values[:, 0]
 
-    def _remember(self, needed: Sequence[dict[tuple[int, float], int]]) -> None:
-        """Begin the next time where most candidates were done; told once for all, so that threads change no result."""
-        found: dict[tuple[int, float], list[int]] = {}
-        for block in needed:
-            for key, doublings in block.items():
-                found.setdefault(key, []).append(doublings)
-        self._doublings.update({key: max(0, sorted(every)[len(every) // 2] - 1) for key, every in found.items()})
-
-    def _follow(self, number: int, rows: Any, given: _Given, found: _Found) -> dict[tuple[int, float], int]:
-        """March some candidates until every metric is known, or cannot be; return how finely for most of them."""
-        needed: dict[tuple[int, float], int] = {}
+    def _follow(self, number: int, rows: Any, given: _Given, found: _Found) -> None:
+        """March some candidates until every metric is known, or cannot be."""
         experiment = self._experiments[number]
         last = experiment.last
         length = experiment.duration if experiment.duration is not None else last + max(self._pace, 1e-9)
         for extension in range(1 if experiment.duration is not None else _EXTENSIONS + 1):
             end = length if experiment.duration is not None else last + (length - last) * 2**extension
             extendable = experiment.duration is None and extension < _EXTENSIONS
-            rows, doublings = self._halve(number, end, given, rows, found, extendable=extendable)
-            needed.update({} if doublings is None else {(number, end): doublings})
+            rows = self._halve(number, end, given, rows, found, extendable=extendable)
             if not rows.size:
                 break
-        return needed
 
-    def _halve(
-        self, number: int, end: float, given: _Given, rows: Any, found: _Found, *, extendable: bool
-    ) -> tuple[Any, int | None]:
-        """March with ever smaller steps; return who has to be followed for longer, and how finely most were marched."""
+    def _halve(self, number: int, end: float, given: _Given, rows: Any, found: _Found, *, extendable: bool) -> Any:
+        """March with ever smaller steps, at first always the same, so that a number depends on no candidates before; return who has to be followed for longer."""
         experiment = self._experiments[number]
         signals = by_input(self._diagram.inputs, experiment.signals)
         columns = list(experiment.requests)
-        doublings = self._doublings.get((number, end), self._first(end))
-        unsettled, most = [], None
+        doublings, unsettled = self._first(end), []
         before: Look | None = None
         while rows.size and doublings <= MOST_DOUBLINGS:
             pieces = Pieces.of(signals, end, FEWEST, doublings, graded=True)
@@ -220,10 +206,9 @@ class NonlinearBatch:
                 done = rows[agreed]
                 found.values[np.ix_(done, columns)] = look.values[agreed]
                 found.doubtful[np.ix_(done, columns)] = look.doubtful[agreed]
-                most = doublings if most is None and agreed.mean() >= 0.5 else most
                 rows, look = rows[~agreed], look.take(~agreed)
             before, doublings = look, doublings + 1
-        return (np.concatenate(unsettled) if unsettled else rows[:0]), most
+        return np.concatenate(unsettled) if unsettled else rows[:0]
 
     def _first(self, end: float) -> int:
         """Return how often the steps of the first march are halved."""

@@ -119,6 +119,21 @@ def test_threads_and_neighbours_change_nothing():
     assert np.array_equal(one.doubtful, two.doubtful)
 
 
+def test_what_was_asked_before_changes_nothing():
+    """Nor do pieces of whole blocks of 64: what is cut so is the same to the bit wherever it is evaluated."""
+    asked, rng = requests(*TIMED), np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(0.5, 6.0, 192), rng.uniform(5.0, 40.0, 192), rng.uniform(0.2, 2.0, 192)])
+    batch = NonlinearBatch(limited(), ["kp", "d", "limit"], asked)
+    first = batch(points)
+    batch(points[::-1] * 0.5)  # easier and harder ones
+    again = batch(points)
+    pieces = [NonlinearBatch(limited(), ["kp", "d", "limit"], asked)(points[k : k + 64]) for k in (0, 64, 128)]
+    assert (~first.doubtful).mean() > 0.5
+    for found in (again.values, np.concatenate([piece.values for piece in pieces])):
+        np.testing.assert_array_equal(found, first.values)
+    np.testing.assert_array_equal(again.doubtful, first.doubtful)
+
+
 def test_a_command_that_goes_on_for_ever_needs_a_duration():
     sine = {"r": make("sine", {"amplitude": 1.0, "frequency": 5.0})}
     endless = MetricRequest(metric="peak", signals=sine, output="y")
