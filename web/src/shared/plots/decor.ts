@@ -66,7 +66,7 @@ export function paintMarks(u: uPlot, spec: PlotSpec, marks: Mark[]): void {
       const { left, top, width, height } = u.bbox;
       const size = ctx.measureText(mark.text).width;
       const x = Math.min(Math.max((x0 + x1) / 2 + 10 * unit, left + 2 * unit), left + width - size - 4 * unit);
-      const y = Math.min(Math.max(lineOf(y0, y1, unit), top + 12 * unit), top + height - 6 * unit);
+      const y = Math.min(Math.max(lineOf([x0, y0], [x1, y1], unit), top + 12 * unit), top + height - 6 * unit);
       ctx.fillStyle = paper;
       ctx.fillRect(x - 2 * unit, y - FONT_SIZE * unit, size + 4 * unit, (FONT_SIZE + 4) * unit);
       ctx.fillStyle = ink;
@@ -75,11 +75,11 @@ export function paintMarks(u: uPlot, spec: PlotSpec, marks: Mark[]): void {
   });
 }
 
-/** Where the text of a distance stands: above a level one, where the grip at its end leaves room; beyond the line that a short one is measured from, where it hides no curve; else at its middle. */
-function lineOf(y0: number, y1: number, unit: number): number {
+/** Where the text of a distance stands: above a level one, where the grip at its end leaves room; beyond the line that a short upright one is measured from, where it hides no curve; else at its middle. */
+function lineOf([x0, y0]: [number, number], [x1, y1]: [number, number], unit: number): number {
   const [middle, size] = [(y0 + y1) / 2, Math.abs(y1 - y0)];
   if (size < 8 * unit) return middle - 14 * unit;
-  if (size > 3 * FONT_SIZE * unit) return middle;
+  if (size > 3 * FONT_SIZE * unit || Math.abs(x1 - x0) > 2 * unit) return middle;
   return y0 > y1 ? y0 + (FONT_SIZE + 6) * unit : y0 - 8 * unit;
 }
 
