@@ -8,6 +8,7 @@ taken for quick and is not begins again as large.
 from __future__ import annotations
 
 import ctypes
+import importlib
 import logging
 import signal
 import sys
@@ -33,8 +34,8 @@ from storage.jobs.compute import ComputeJob, Crashed, Done
 CHILD, REFUSED = "api.processes.large_request:run", "refused"
 #: How often (s) the thread that waits for a process looks whether anybody still waits for that.
 _LOOK_INTERVAL = 0.05
-#: How soon (s) an alarm that met an import goes off again, and where the interpreter's own frames of an import come from.
-_AFTER_IMPORT, _IMPORTING = 0.01, "<frozen importlib._bootstrap>"
+#: How soon (s) an alarm that met an import goes off again.
+_AFTER_IMPORT = 0.01
 #: How many times as long as it may compute a process may take on the clock: a busy machine, or a slow database, lets it wait.
 _PATIENCE = 5
 #: How soon (s) an alarm that nobody has heard goes off again.
@@ -141,11 +142,13 @@ def _report_no_lost_alarms() -> None:
 
 
 def _imports(thread: int) -> bool:
-    """Whether that thread is loading a module."""
-    frame = sys._current_frames().get(thread)  # noqa: SLF001 - documented in sys
-    while frame is not None and frame.f_code.co_filename != _IMPORTING:
-        frame = frame.f_back
-    return frame is not None
+    """Whether that thread is loading a module: it owns the lock of that then.
+
+    Its frames are not walked: those of compiled modules that are just being loaded have no code yet, and whoever asks for it takes the
+    interpreter down (CPython 3.11, its issues 100536 and 111363).
+    """
+    locks = [lock() for lock in importlib._bootstrap._module_locks.copy().values()]  # type: ignore[attr-defined] # noqa: SLF001
+    return any(lock is not None and lock.owner == thread for lock in locks)
 
 
 @dataclass(frozen=True)
