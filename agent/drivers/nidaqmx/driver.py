@@ -61,19 +61,27 @@ class Nidaqmx(Driver):
         """Return the modules that are there."""
         try:
             with translated():
-                return [
-                    {
-                        "name": device.name,
-                        "model": device.product_type,
-                        "serial": f"{device.serial_num:08X}",
-                        "simulated": bool(device.is_simulated),
-                    }
-                    for device in self._system().devices
-                ]
+                listed = list(self._system().devices)
+            return [entry for device in listed if (entry := self._entry(device)) is not None]
         except AttemptError as error:
             if self._channel is None or error.code != "server_unreachable":
                 raise
             raise refusal(self._settings) or error from error
+
+    def _entry(self, device: Any) -> dict[str, Any] | None:
+        """Return what is known of a device; None of one that has gone since it was listed."""
+        try:
+            with translated():
+                return {
+                    "name": device.name,
+                    "model": device.product_type,
+                    "serial": f"{device.serial_num:08X}",
+                    "simulated": bool(device.is_simulated),
+                }
+        except AttemptError as error:
+            if error.code in {"device_gone", "unknown_device"}:
+                return None
+            raise
 
     def channels(self) -> list[Channel]:
         """Return the channels of all modules; an output tells no range before a task has it."""

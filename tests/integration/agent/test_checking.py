@@ -7,11 +7,14 @@ import sys
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from agent import checking
+from agent.drivers.nidaqmx.driver import Nidaqmx
+from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.settings import Settings
 from agent.settings_file import read
 from agent.spool import held
@@ -326,6 +329,16 @@ def test_a_device_that_goes_is_told_until_it_is_back(lab) -> None:
         assert "check its cable" in gone["remedy"]
         lab.bench.plug("cDAQ1Mod1")
         lab.until(lambda: result_of(lab, "input position") == "ok", what=lambda: told_of(lab))
+
+
+def test_a_device_that_goes_while_it_is_asked_is_none_of_those_that_are_there(lab, monkeypatch) -> None:
+    driver = Nidaqmx(NidaqmxSettings(server=f"127.0.0.1:{lab.server.port}", deadline=10.0, chunk=0.05), rig=lab.rig)
+    listed = list(driver._system().devices)
+    before = [entry["name"] for entry in driver.devices()]
+    monkeypatch.setattr(driver, "_system", lambda: SimpleNamespace(devices=listed))
+    lab.bench.unplug("cDAQ1Mod1")
+    assert [entry["name"] for entry in driver.devices()] == [name for name in before if name != "cDAQ1Mod1"]
+    driver.close()
 
 
 def test_a_rig_without_hardware_is_told_as_that(lab) -> None:
