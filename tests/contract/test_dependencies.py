@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.metadata
 import sys
+from functools import cache
 
 import pytest
 from packaging.requirements import Requirement
@@ -54,9 +55,13 @@ def names(requirements: list[str]) -> set[str]:
     return {canonicalize_name(Requirement(text).name) for text in requirements}
 
 
+# Looking into every installed distribution takes a second, and reading the largest rooms several.
+owners = cache(importlib.metadata.packages_distributions)
+
+
+@cache
 def imported(room: str) -> dict[str, str]:
     """Return distribution -> one file that imports it."""
-    owners = importlib.metadata.packages_distributions()
     found: dict[str, str] = {}
     for path in (ROOT / room).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -66,7 +71,7 @@ def imported(room: str) -> dict[str, str]:
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
                 modules = [node.module]
             for top in {module.split(".")[0] for module in modules} - OURS - set(sys.stdlib_module_names):
-                for distribution in owners.get(top, [top]):
+                for distribution in owners().get(top, [top]):
                     found[canonicalize_name(distribution)] = str(path.relative_to(ROOT))
     return found
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,24 @@ def run(*command: str, **environment: str) -> subprocess.CompletedProcess[str]:
         check=False,
         env={**inherited, "NO_COLOR": "1", **environment},
     )
+
+
+#: Prints what a fresh process has loaded, then how many threads it has once linear algebra is there, too.
+TELL = """
+import json, os, sys, {module}
+loaded = sorted(sys.modules)
+import numpy, scipy.linalg
+print(json.dumps([loaded, len(os.listdir("/proc/self/task")) if sys.platform == "linux" else None]))
+"""
+
+
+@cache
+def fresh(module: str) -> tuple[frozenset[str], int | None]:
+    """Return what a fresh process that imports a module has loaded, and how many threads it has with linear algebra."""
+    done = run(sys.executable, "-c", TELL.format(module=module))
+    assert done.returncode == 0, done.stderr
+    loaded, threads = json.loads(done.stdout)
+    return frozenset(loaded), threads
 
 
 def test_import_contracts_hold() -> None:
@@ -52,19 +72,13 @@ def test_import_contracts_hold() -> None:
     ],
 )
 def test_a_fresh_process_does_not_load(module: str, absent: tuple[str, ...]) -> None:
-    code = f"import sys, {module}; print(*sorted(set({absent!r}) & set(sys.modules)))"
-    done = run(sys.executable, "-c", code)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == []
+    assert set(absent) & fresh(module)[0] == set()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads must be countable in /proc")
 @pytest.mark.parametrize("module", ["api.commands.service", "api.app.main", "api.processes.worker"])
 def test_the_service_computes_with_one_thread_of_linear_algebra(module: str) -> None:
-    code = f"import os, {module}, numpy, scipy.linalg; print(len(os.listdir('/proc/self/task')))"
-    done = run(sys.executable, "-c", code)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["1"]
+    assert fresh(module)[1] == 1
 
 
 def test_threads_that_a_user_asks_for_are_left() -> None:
