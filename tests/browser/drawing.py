@@ -63,9 +63,10 @@ def _say(page: Page, key: str, text: str) -> None:
 
 def _path(page: Page, name: str) -> str:
     """Return a block's full path: blocks of other loops may have the same name."""
-    above = page.get_by_label("Where in the system").locator("button").all_inner_texts()[1:]
+    # Not by the address, which is written behind the picture.
+    above = page.get_by_label("Where in the system").locator("button").all_inner_texts()
     here = page.get_by_label("Where in the system").locator("[aria-current]").inner_text()
-    return ".".join([*above, here, name]) if page.url.find("in=") >= 0 else name
+    return ".".join([*above[1:], here, name]) if above else name
 
 
 def _order(document: Document) -> Iterator[tuple[str, str | None]]:

@@ -51,7 +51,7 @@ def measured(page: Page, client: httpx.Client, *, moves: int = MOVES) -> dict[st
     block = node.bounding_box()
     assert block is not None
     found["dragging"] = _moved(page, block["x"] + block["width"] / 2, block["y"] + 4, moves)
-    assert page.evaluate(_PLACE, "b150") != was, "the block must have moved, got the same place"
+    page.wait_for_function(f"was => ({_PLACE})('b150') !== was", arg=was)
     return found
 
 

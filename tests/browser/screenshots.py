@@ -135,8 +135,8 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
     ended(client, f"/v1/acquisitions/{acquisition}")
     return {
         "systems": ("/systems", "h2#templates"),
-        "panel": (f"/systems/{motor}/panel?{PANEL}", "[data-testid=metrics][data-stale=false]"),
-        "compare": (f"/systems/{position}/panel?{_COMPARED}", "[data-testid=metrics][data-stale=false]"),
+        "panel": (f"/systems/{motor}/panel?{PANEL}", _PANEL_THERE),
+        "compare": (f"/systems/{position}/panel?{_COMPARED}", _PANEL_THERE),
         "diagram": (f"/systems/{position}/diagram?at=controller", "[data-laid=true] .react-flow__node"),
         "frames": (f"/systems/{loops}/diagram?frames=1", ".react-flow__node"),
         "revisions": (f"/systems/{position}/revisions", "tbody tr"),
@@ -176,6 +176,8 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
 
 
 RIG_NAME = "bench 1"
+#: The panel has its metrics, and its curves can be pulled.
+_PANEL_THERE = "body:has([data-testid=metrics][data-stale=false]):has([data-zone^='pull:']) [data-testid=plots]"
 SIGN_IN = ("/systems", "[data-testid=key]")
 #: Pages that are looked at, and of which no picture is kept.
 LOOKED_AT = ("designs", "kept", "identify-direct", "schedule-new", "nowhere", "docs")

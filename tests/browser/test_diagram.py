@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from tests.browser.frames import measured
+from tests.browser.places import until
 
 LOOP = {
     "name": "two tabs",
@@ -124,10 +125,15 @@ def test_a_block_stays_where_it_is_dropped_and_an_output_takes_another_name(page
     assert box is not None
     x, y = box["width"] - 90, box["height"] - 60
     page.locator('[data-kind="gain"]').drag_to(pane, target_position={"x": x, "y": y})
-    dropped = node(page, "gain_2").bounding_box()
-    assert dropped is not None
-    assert dropped["x"] < box["x"] + x < dropped["x"] + dropped["width"]
-    assert dropped["y"] < box["y"] + y < dropped["y"] + dropped["height"]
+
+    def dropped() -> bool:
+        """Whether the block lies where it was let go."""
+        found = node(page, "gain_2").bounding_box()
+        assert found is not None
+        across = found["x"] < box["x"] + x < found["x"] + found["width"]
+        return across and found["y"] < box["y"] + y < found["y"] + found["height"]
+
+    until(dropped)
     # What is told about it lies over the canvas: nothing moves.
     expect(page.get_by_test_id("check")).to_have_attribute("data-pending", "false")
     assert pane.bounding_box() == box

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.places import until
 from tests.browser.test_panel import study
 
 _STEP = {"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}
@@ -90,14 +91,23 @@ def test_a_cell_of_a_map_is_hovered_clicked_and_moved(page: Page, client, mapped
     picture = shown.get_by_role("img", name="Map of the objective")
     picture.locator("svg").wait_for()
     picture.scroll_into_view_if_needed()
-    box = picture.bounding_box()
-    assert box is not None
     left, right, top, bottom = _AROUND
-    x = box["x"] + left + (box["width"] - left - right) * 1.5 / len(gains)
-    y = box["y"] + top + (box["height"] - top - bottom) * (1 - 2.5 / len(leakages))
-    page.mouse.move(x, y, steps=2)
-    expect(picture.locator("svg")).to_contain_text(f"law.kp = {gains[1]:.4g}")
-    page.mouse.click(x, y)
+
+    def cell() -> tuple[float, float]:
+        """Where the cell is now: what comes above the map moves it."""
+        box = picture.bounding_box()
+        assert box is not None
+        x = box["x"] + left + (box["width"] - left - right) * 1.5 / len(gains)
+        return x, box["y"] + top + (box["height"] - top - bottom) * (1 - 2.5 / len(leakages))
+
+    def hovered() -> bool:
+        x, y = cell()
+        page.mouse.move(x - 1, y)
+        page.mouse.move(x, y)
+        return f"law.kp = {gains[1]:.4g}" in (picture.locator("svg").text_content() or "")
+
+    until(hovered)
+    page.mouse.click(*cell())
     expect(page).to_have_url(re.compile(r"cell=1%2C2"))
     # Its metric is computed by the service as it is looked at.
     request = client.get(f"/v1/jobs/{mapped}/request").json()
@@ -136,11 +146,11 @@ def test_the_axes_of_a_front_are_chosen_and_stand_in_the_address(page: Page, fro
         boxes = [(one.bounding_box(), one.text_content() or "") for one in names.all()]
         return max((box["y"], text) for box, text in boxes if box is not None)[1]
 
-    assert lower() == "response time [s]"
+    until(lambda: lower() == "response time [s]")
     # What went upwards goes across, and the other way round.
     across.select_option(label="overshoot")
     expect(upwards).to_have_value("0")
-    assert lower() == "overshoot [%]"
+    until(lambda: lower() == "overshoot [%]")
     expect(page).to_have_url(re.compile("fx=1.*fy=0"))
     page.reload()
     expect(across).to_have_value("1")

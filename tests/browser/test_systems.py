@@ -131,7 +131,7 @@ def test_the_page_speaks_the_language_of_the_browser(browser, service, language)
     page = context.new_page()
     page.goto("/")
     expect(page.get_by_role("button", name="Intră")).to_be_visible()
-    assert page.evaluate("document.documentElement.lang") == "ro"
+    expect(page.locator("html")).to_have_attribute("lang", "ro")
     context.close()
 
 

@@ -167,7 +167,7 @@ export function DatasetPage() {
               </Button>
             </Group>
             {names.length > 1 && <MultiSelect label={t("datasets.drawn")} data={names} value={drawn} onChange={draw} searchable maw={620} />}
-            <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
+            <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm" aria-busy={channels.some(({ isPlaceholderData }) => isPlaceholderData)}>
               {drawn.map((name, i) => {
                 const data = channels[i]?.data;
                 return (
@@ -177,7 +177,7 @@ export function DatasetPage() {
                 );
               })}
             </SimpleGrid>
-            <section>
+            <section aria-busy={spectrum.isPlaceholderData}>
               <Group align="flex-end" mb="xs">
                 <Title order={2}>{t("datasets.spectrum")}</Title>
                 <NativeSelect size="xs" label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => choose("channel", event.currentTarget.value)} />

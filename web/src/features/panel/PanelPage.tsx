@@ -120,11 +120,12 @@ export function PanelPage() {
   const latest = useRef(send);
   latest.current = send;
   useEffect(() => {
-    if (!live.opened) return;
+    // With parameters that are known only now the panel is opened anew: nothing is computed before.
+    if (!live.opened || live.opened !== known) return;
     // The address is drawn a moment after it changed: what is under a hand by then goes before it.
     if (!gesture.current) moving.current = state.values;
     latest.current(moving.current);
-  }, [live.opened, state]);
+  }, [live.opened, known, state]);
   useEffect(() => setRange(null), [live.opened]);
   useEffect(() => plots.current?.forget(), [state.input, state.amplitude, state.loop, state.path?.join(), state.duration, system.revision]);
 

@@ -12,8 +12,10 @@ const spec: AnalysisSpec = {
 it("leaves out what a logarithmic axis has no place for", () => expect(pairs(spec, spec.lines[0]!)).toEqual([[1, 2], [10, null]]));
 
 it("puts a band behind its line, with names and units on the axes", () => {
-  const option = optionOf(spec, false) as { series: { type: string; data: unknown[] }[]; xAxis: { name: string }; yAxis: { name: string } };
+  const option = optionOf(spec, false) as { series: { type: string; data: unknown[] }[]; xAxis: { name: string; min: number; max: number }; yAxis: { name: string } };
   expect(option.series.map((series) => series.type)).toEqual(["custom", "line", "line"]);
   expect(option.series[0]!.data).toEqual([[1, 1, 3]]);
+  // The line of 0 rad/s is not there; the axis ends where the others do.
+  expect([option.xAxis.min, option.xAxis.max]).toEqual([1, 10]);
   expect([option.xAxis.name, option.yAxis.name]).toEqual(["ω [rad/s]", "|G| [m/N]"]);
 });

@@ -1,5 +1,5 @@
 import type { EChartsCoreOption } from "echarts/core";
-import { decadeText } from "@/shared/plots/ranges";
+import { decadeText, extent, logRange } from "@/shared/plots/ranges";
 import { stroke } from "@/shared/plots/palette";
 import type { Axis, Numbers } from "@/shared/plots/types";
 
@@ -61,6 +61,9 @@ export function optionOf(spec: AnalysisSpec, dark: boolean): EChartsCoreOption {
     axisLine: { show: true, onZero: false, lineStyle: { color: quiet } },
     splitLine: { lineStyle: { color: grid } },
   });
+  // Left to itself a logarithmic axis goes on to whole decades, of which the last may be empty.
+  const along = spec.x.log ? extent(spec.lines.map(({ x }) => Array.from(x).filter((value) => drawable(spec.x, value)))) : null;
+  const [min, max] = along ? logRange(along) : [];
   const bands = spec.lines.flatMap((line, i) => {
     if (!line.band) return [];
     const points = outline(spec, line);
@@ -99,7 +102,7 @@ export function optionOf(spec: AnalysisSpec, dark: boolean): EChartsCoreOption {
     animation: false,
     textStyle: { fontFamily: "system-ui, sans-serif" },
     grid: { left: 64, right: 18, top: 10, bottom: 42 },
-    xAxis: { ...axis(spec.x), nameGap: 24 },
+    xAxis: { ...axis({ ...spec.x, min, max }), nameGap: 24 },
     yAxis: { ...axis(spec.y), nameGap: 46 },
     tooltip: { trigger: "axis", confine: true, backgroundColor: dark ? "#1f2225" : "#ffffff", borderColor: quiet, textStyle: { color: ink, fontSize: 12 }, valueFormatter: (value: unknown) => (typeof value === "number" ? String(Number(value.toPrecision(5))) : "–") },
     dataZoom: [{ type: "inside", filterMode: "none", zoomOnMouseWheel: "ctrl", moveOnMouseWheel: false }],

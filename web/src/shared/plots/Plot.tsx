@@ -84,7 +84,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, s
   // One curve needs no name beside the title; an earlier setting that is drawn has one.
   const named = [...spec.series.filter((s) => !s.faint), ...spec.series.filter((s) => s.faint).slice(0, shadows)];
   return (
-    <section className={classes.frame} aria-label={spec.title} style={rows > 1 ? { gridRow: `span ${rows}` } : undefined}>
+    <section className={classes.frame} aria-label={spec.title} data-tall={rows > 1 || undefined} style={rows > 1 ? { gridRow: `span ${rows}` } : undefined}>
       <Group justify="space-between" wrap="nowrap" gap="xs" className={classes.head}>
         <Text component="h3" fw={600} fz="sm" truncate>
           {spec.title}

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { csvOf } from "./export";
-import { axisWidth, clamped, decadeText, equalRanges, extent, padded, tickTexts, withReturns } from "./ranges";
+import { axisWidth, clamped, decadeText, equalRanges, extent, logRange, padded, tickTexts, withReturns } from "./ranges";
 
 describe("ranges", () => {
   it("passes over what is no number", () => expect(extent([[1, NaN, 3], [-2]])).toEqual([-2, 3]));
@@ -54,4 +54,11 @@ it("an axis is as wide as its labels, and not less than others", () => {
   expect(axisWidth(["12.38650", "12.38675"], 58)).toBe(16 + 8 * 7);
 });
 
-it("decades are short", () => expect([0.001, 0.1, 1000, 1e4].map(decadeText)).toEqual(["1e-3", "0.1", "1000", "1e4"]));
+it("decades are short", () => expect([0.001, 0.1, 700, 1000, 1e4, 7e4].map(decadeText)).toEqual(["1e-3", "0.1", "700", "1000", "1e4", "7e4"]));
+it.each([
+  [[1.05, 1570], [1, 2000]],
+  [[0.346, 9642], [0.3, 1e4]],
+  [[0.001, 1000], [0.001, 1000]],
+  [[0.3, 0.7], [0.3, 0.7]],
+  [[5, 5], [0.5, 50]],
+] as const)("a logarithmic axis of %j ends with whole digits and not with an empty decade", (range, ends) => expect(logRange([...range])).toEqual(ends));

@@ -82,13 +82,23 @@ export function tickTexts(splits: readonly (number | null)[], step: number): str
 
 const longest = (texts: string[]): number => Math.max(...texts.map((text) => text.length));
 
+/** A logarithmic axis around positive values: from a whole digit of the lowest one's decade to one of the highest one's, and no further. */
+export function logRange([low, high]: Range): Range {
+  if (low === high) return logRange([low / 10, high * 10]);
+  const digits = (value: number, round: (digits: number) => number): number => {
+    const decade = 10 ** Math.floor(Math.log10(value) + 1e-9);
+    return Number((round(Number((value / decade).toPrecision(9))) * decade).toPrecision(9));
+  };
+  return [digits(low, Math.floor), digits(high, Math.ceil)];
+}
+
 /** Pixels that an axis needs for its labels; most need no more than the least. */
 export function axisWidth(texts: readonly string[] | null, least: number): number {
   return Math.max(least, 16 + 7 * longest([...(texts ?? []), ""]));
 }
 
-/** A whole decade on a logarithmic axis: short enough to stand beside its neighbours. */
+/** A whole digit of a decade on a logarithmic axis: short enough to stand beside its neighbours. */
 export function decadeText(value: number): string {
-  const power = Math.round(Math.log10(value));
-  return power > 3 || power < -2 ? `1e${power}` : String(Number(value.toPrecision(6)));
+  const power = Math.floor(Math.log10(value) + 1e-9);
+  return power > 3 || power < -2 ? `${Math.round(value / 10 ** power)}e${power}` : String(Number(value.toPrecision(6)));
 }

@@ -1,6 +1,6 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { axisWidth, clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, withReturns, type Range } from "./ranges";
+import { axisWidth, clamped, decadeText, equalRanges, extent, logRange, padded, planeOf, tickTexts, withReturns, type Range } from "./ranges";
 import { paintBehind, paintMarks } from "./decor";
 import { drawnSeries } from "./export";
 import { Handles } from "./handles";
@@ -69,7 +69,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     cursor: { show: true, x: true, y: true, points: { show: !free }, drag: { x: !free, y: false, setScale: onZoom === undefined } },
     scales: free
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
-      : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
+      : { x: { time: false, ...(spec.x.log ? { distr: 3, range: (_u, low, high) => logRange([low ?? 1, high ?? 10]) } : {}) }, y: { range: yRange } },
     // Both axes of a plane are alike by their sizes, which therefore stay.
     axes: [axis("x", spec.x, 34), axis("y", spec.y, free ? 58 : (_u, texts) => axisWidth(texts, 58))],
     series: series as uPlot.Series[],
