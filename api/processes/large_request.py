@@ -13,7 +13,8 @@ from typing import Any
 
 from api.problems.documents import Problem
 from api.problems.exceptions import KNOWN, problem_of
-from api.processes.worker import bound_memory, installed, opened
+from api.processes.memory import bound_memory
+from api.processes.worker import installed, opened
 from api.processes.worker import prepare as prepare_to_compute
 from api.services.jobs.computing import REFUSED
 from api.services.reports import reports

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import importlib
 import logging
-import re
-import resource
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from api.problems.documents import Problem
 from api.problems.exceptions import KNOWN, problem_of
+from api.processes.memory import bound_memory
 from api.services.identifications import identifications
 from api.services.jobs.computing import Computing
 from api.services.operation.app_context import Installation
@@ -147,25 +145,6 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
             assert problem is not None
             document = problem.document()
             raise Refusal(**document) from error
-
-
-def bound_memory(limit: int, *, more: int | None = None) -> int:
-    """Let this process, which computes one thing and ends, have no more memory than that; 0 is as much as there is.
-
-    Parameters
-    ----------
-    limit : int
-    more : int, optional
-        What it may take beyond what it has now, where that is less.
-    """
-    if more is not None:
-        found = re.search(r"^VmData:\s+(\d+) kB$", Path("/proc/self/status").read_text(), re.MULTILINE)
-        assert found is not None
-        own = (int(found[1]) << 10) + more
-        limit = min(limit, own) if limit else own
-    if limit:
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-    return limit
 
 
 def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any] | Parts:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
@@ -25,10 +27,14 @@ def test_the_example_of_every_element_is_a_block(kind) -> None:
     assert BLOCK.validate_python(document).model_dump(exclude_unset=True) == document
 
 
+@pytest.fixture(scope="module")
+def blocks_schema() -> dict[str, Any]:
+    return BLOCK.json_schema()
+
+
 @pytest.mark.parametrize("kind", elements())
-def test_every_declared_parameter_is_a_field_and_nothing_else_is(kind) -> None:
-    mapping = BLOCK.json_schema()["discriminator"]["mapping"]
-    schema = BLOCK.json_schema()["$defs"][mapping[kind].rpartition("/")[2]]
+def test_every_declared_parameter_is_a_field_and_nothing_else_is(kind, blocks_schema) -> None:
+    schema = blocks_schema["$defs"][blocks_schema["discriminator"]["mapping"][kind].rpartition("/")[2]]
     others = {"limits"} if kind in CONTROL_LAWS else set()
     assert set(schema["properties"]) - others == {"kind", *(param.name for param in elements()[kind].parameters)}
     assert schema["additionalProperties"] is False

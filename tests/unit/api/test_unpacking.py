@@ -29,7 +29,7 @@ import numpy as np
 from api.formats import FormatError, catalogue
 from api.formats.text.tables import TableOptions
 from api.formats.text.guess import Known
-from api.processes.worker import bound_memory
+from api.processes.memory import bound_memory
 
 libraries = {"mdf": "asammdf", "hdf5": "h5py", "mat": "h5py", "parquet": "pyarrow.parquet"}
 importlib.import_module(libraries.get(sys.argv[1], "json"))
