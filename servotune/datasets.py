@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 from urllib.parse import quote, urlencode
 
+from servotune.documents import given
 from servotune.errors import ConflictError
 from servotune.jobs import Jobs
 from servotune.progress import Observer
@@ -96,9 +98,28 @@ class Datasets:
         """Return what is known about a dataset."""
         return Dataset(self._transport.get(f"/v1/datasets/{dataset}"))
 
-    def list(self) -> Iterator[Dataset]:
-        """Yield the datasets of the service."""
-        return self._transport.items("/v1/datasets", Dataset)
+    def list(
+        self,
+        *,
+        name: str | None = None,
+        format: str | None = None,  # noqa: A002 - the contract's word
+        status: str | None = None,
+        after: datetime | None = None,
+        before: datetime | None = None,
+    ) -> Iterator[Dataset]:
+        """Yield the datasets of the service, newest first.
+
+        Parameters
+        ----------
+        name : str, optional
+            A part of the name, in capital or small letters, or the whole id.
+        format, status : str, optional
+            Only these ("csv", "raw" ...; "open", "parsing", "ready" or "failed").
+        after, before : datetime.datetime, optional
+            Only those that were made at this instant or later, and earlier than this one; without a time zone it is local time.
+        """
+        params = given(name=name, format=format, status=status, after=after, before=before)
+        return self._transport.items("/v1/datasets", Dataset, params=params)
 
     def delete(self, dataset: str, *, force: bool = False) -> None:
         """Delete a dataset with its samples.

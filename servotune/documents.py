@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any
 
 Document = Mapping[str, Any]
@@ -16,5 +17,8 @@ SystemLike = str | Mapping[str, Any]
 
 
 def given(**fields: Any) -> dict[str, Any]:
-    """Return the fields that the caller gave: the service has its own defaults."""
-    return {name: value for name, value in fields.items() if value is not None}
+    """Return the fields that the caller gave: the service has its own defaults. An instant without a time zone is local time."""
+    told = {name: value for name, value in fields.items() if value is not None}
+    return {
+        name: value.astimezone().isoformat() if isinstance(value, datetime) else value for name, value in told.items()
+    }

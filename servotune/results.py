@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,9 +44,11 @@ class Results:
         """Return a kept result with its request and its reply."""
         return KeptResult(self._transport.get(f"/v1/results/{result}"))
 
-    def list(self, *, kind: str | None = None) -> Iterator[KeptResult]:
-        """Yield the kept results, or those of one kind ("simulation", "spectrum", "frf" ...), newest first, without their bodies."""
-        return self._transport.items("/v1/results", KeptResult, params=given(kind=kind))
+    def list(
+        self, *, kind: str | None = None, after: datetime | None = None, before: datetime | None = None
+    ) -> Iterator[KeptResult]:
+        """Yield the kept results, or those of one kind ("simulation", "spectrum", "frf" ...) and time, newest first, without their bodies."""
+        return self._transport.items("/v1/results", KeptResult, params=given(kind=kind, after=after, before=before))
 
     def report(self, result: str, form: Form = "html", path: Path | str | None = None) -> bytes:
         """Return a report of a kept result that needs no other file, as `Job.report` does."""

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 
 from servotune.documents import Document, SystemLike, given
 from servotune.replies import StateSpace, Stored
 from servotune.transport import Transport
+
+_LONGEST_NAME = 200
+"""Letters of a name that a list is narrowed by."""
 
 
 class Systems:
@@ -24,9 +28,11 @@ class Systems:
         """Return the present revision."""
         return Stored(self._transport.get(f"/v1/systems/{system}"))
 
-    def list(self) -> Iterator[Stored]:
-        """Yield the stored systems."""
-        return self._transport.items("/v1/systems", Stored)
+    def list(
+        self, *, name: str | None = None, after: datetime | None = None, before: datetime | None = None
+    ) -> Iterator[Stored]:
+        """Yield the stored systems, newest first; `name`, `after` and `before` narrow the list as that of the datasets."""
+        return self._transport.items("/v1/systems", Stored, params=given(name=name, after=after, before=before))
 
     def find(self, name: str) -> Stored:
         """Return the present revision of the newest system that is called so.
@@ -36,7 +42,7 @@ class Systems:
         LookupError
             There is none of that name.
         """
-        for one in self.list():
+        for one in self.list(name=name[:_LONGEST_NAME] or None):
             if one.name == name:
                 return self.get(one.id)
         raise LookupError(f"name must be that of a stored system, got {name!r}: `servotune systems list` shows them")

@@ -9,12 +9,13 @@ from __future__ import annotations
 import base64
 import binascii
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Generic, TypeVar
 
-from sqlalchemy import Select, literal, tuple_
+from sqlalchemy import Select, func, literal, or_, tuple_
 from sqlalchemy.orm import Session
 
 from storage.errors import InvalidCursorError
@@ -32,6 +33,38 @@ class Page(Generic[Row]):
 
     items: Sequence[Row]
     next_cursor: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Narrowing:
+    """Which rows of a list are wanted: those that meet all of it.
+
+    ``name`` is a part of the name, in capital or small letters, or the whole id; ``after`` and ``before`` are instants: a row was
+    made at the first or later, and earlier than the second.
+    """
+
+    name: str | None = None
+    after: datetime | None = None
+    before: datetime | None = None
+
+    def of(self, rows: Select[Any], model: type[Any]) -> Select[Any]:
+        """Return what is wanted of ``rows``, a selection of ``model``."""
+        listed: Any = model
+        if self.name is not None:
+            # Both by the same hand: what a capital letter is, databases do not agree on.
+            escaped = re.sub(r"([%_/])", r"/\1", self.name)
+            pattern = literal(f"%{escaped}%", listed.name.type)
+            called = func.lower(listed.name).like(func.lower(pattern), escape="/")
+            rows = rows.where(or_(called, listed.id == self.name))
+        if self.after is not None:
+            rows = rows.where(listed.created_at >= self.after)
+        if self.before is not None:
+            rows = rows.where(listed.created_at < self.before)
+        return rows
+
+
+#: All rows of a list.
+EVERY = Narrowing()
 
 
 def paginate(

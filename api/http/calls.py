@@ -8,11 +8,12 @@ import re
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import Depends, Header, Query, Request
 from fastapi.responses import Response
-from pydantic import BaseModel
+from pydantic import AfterValidator, AwareDatetime, BaseModel
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive
@@ -23,6 +24,7 @@ from api.services.jobs.computing import Recall
 from api.services.operation.app_context import Caller, Installation
 from api.services.studies.results import encoded, keep
 from api.services.studies.studied import proven, studied, submit
+from storage.pagination import Narrowing
 from storage.repositories import Answer, IdempotencyRepository
 from storage.repositories.idempotency import Claim
 
@@ -37,8 +39,42 @@ Prefer = Annotated[
 BY_A_WORKER: dict[int | str, dict[str, Any]] = {202: {"model": JobReply, "description": "A worker computes it"}}
 Limit = Annotated[int, Query(ge=1, le=1000, description="most items on a page")]
 Cursor = Annotated[str | None, Query(max_length=500, description="`next_cursor` of the page before")]
+Name = Annotated[
+    str | None,
+    Query(
+        max_length=200,
+        pattern=r"^[^\x00]*$",
+        description="part of the name, in capital or small letters, or the whole id",
+    ),
+]
+
+
+def _in_utc(instant: datetime) -> datetime:
+    try:
+        return instant.astimezone(UTC)
+    except OverflowError:
+        raise ValueError(f"must lie in the years 1 to 9999 of UTC, got {instant.isoformat()}") from None
+
+
+Instant = Annotated[AwareDatetime, AfterValidator(_in_utc)]
+After = Annotated[Instant | None, Query(description="made at this instant or later")]
+Before = Annotated[Instant | None, Query(description="made earlier than this instant")]
 Force = Annotated[bool, Query(description="delete it although others depend on it (409 lists them)")]
 IfMatch = Annotated[str | None, Header(alias="If-Match", description="the ETag that the change is meant for")]
+
+
+def of_a_time(after: After = None, before: Before = None) -> Narrowing:
+    """Return which rows of a list were asked for."""
+    return Narrowing(after=after, before=before)
+
+
+def of_a_name(name: Name = None, after: After = None, before: Before = None) -> Narrowing:
+    """Return which rows of a list of named things were asked for."""
+    return Narrowing(name=name or None, after=after, before=before)
+
+
+OfATime = Annotated[Narrowing, Depends(of_a_time)]
+OfAName = Annotated[Narrowing, Depends(of_a_name)]
 
 
 async def installation(request: Request) -> Installation:

@@ -18,6 +18,7 @@ from api.http.calls import (
     IfMatch,
     InstallationDep,
     Limit,
+    OfAName,
     answer,
     etag,
     expected_revision,
@@ -45,11 +46,25 @@ def create(request: DatasetRequest, caller: Uploader, creation: CreationDep) -> 
     return creation.create(work)
 
 
+Status = Literal["open", "parsing", "ready", "failed"]
+
+
 @router.get("", response_model=Page[DatasetHead], summary="List the recordings")
-def page(caller: Reader, service: InstallationDep, cursor: Cursor = None, limit: Limit = 100) -> Response:
+def page(
+    caller: Reader,
+    service: InstallationDep,
+    narrowing: OfAName,
+    file_format: Annotated[str | None, Query(alias="format", max_length=64)] = None,
+    status: Status | None = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Response:
     """Newest first."""
     with service.database.session() as session:
-        return respond(answer(datasets.page(session, caller, cursor=cursor, limit=limit)))
+        body = datasets.page(
+            session, caller, file_format=file_format, status=status, narrowing=narrowing, cursor=cursor, limit=limit
+        )
+    return respond(answer(body))
 
 
 @router.get("/{identifier}", response_model=DatasetReply, summary="Get a recording")

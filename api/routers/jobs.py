@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.http.auth import Reader, Runner
 from api.http.bodies import DocumentRoute
-from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
+from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, OfATime, answer, respond
 from api.problems.documents import invalid
 from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
@@ -86,6 +86,7 @@ Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 def page(
     caller: Reader,
     service: InstallationDep,
+    narrowing: OfATime,
     kind: Annotated[str | None, Query(max_length=64)] = None,
     status: Status | None = None,
     schedule: Annotated[str | None, Query(max_length=64, description="id of the schedule that asked for them")] = None,
@@ -94,7 +95,16 @@ def page(
 ) -> Response:
     """Newest first."""
     with service.database.session() as session:
-        body = jobs.page(session, caller, kind=kind, status=status, schedule=schedule, cursor=cursor, limit=limit)
+        body = jobs.page(
+            session,
+            caller,
+            kind=kind,
+            status=status,
+            schedule=schedule,
+            narrowing=narrowing,
+            cursor=cursor,
+            limit=limit,
+        )
     return respond(answer(body))
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Response
 
 from api.http.auth import Reader
-from api.http.calls import Cursor, InstallationDep, Limit, answer, respond
+from api.http.calls import Cursor, InstallationDep, Limit, OfATime, answer, respond
 from api.schemas.replies import KeptResult, Page, ResultHead
 from api.services.studies import results
 
@@ -18,13 +18,15 @@ router = APIRouter(prefix="/v1/results", tags=["results"])
 def page(
     caller: Reader,
     service: InstallationDep,
+    narrowing: OfATime,
     kind: Annotated[str | None, Query(max_length=64)] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Response:
     """Newest first, without their bodies."""
     with service.database.session() as session:
-        return respond(answer(results.page(session, caller, kind=kind, cursor=cursor, limit=limit)))
+        body = results.page(session, caller, kind=kind, narrowing=narrowing, cursor=cursor, limit=limit)
+    return respond(answer(body))
 
 
 @router.get("/{identifier}", response_model=KeptResult, summary="Get a kept result")

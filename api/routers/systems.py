@@ -16,6 +16,7 @@ from api.http.calls import (
     IfMatch,
     InstallationDep,
     Limit,
+    OfAName,
     answer,
     etag,
     expected_revision,
@@ -60,10 +61,12 @@ def create(
 
 
 @router.get("", response_model=Page[SystemHead], summary="List the systems")
-def page(caller: Reader, service: InstallationDep, cursor: Cursor = None, limit: Limit = 100) -> Response:
+def page(
+    caller: Reader, service: InstallationDep, narrowing: OfAName, cursor: Cursor = None, limit: Limit = 100
+) -> Response:
     """Newest first, without the documents."""
     with service.database.session() as session:
-        return respond(answer(systems.page(session, caller, cursor=cursor, limit=limit)))
+        return respond(answer(systems.page(session, caller, narrowing=narrowing, cursor=cursor, limit=limit)))
 
 
 @router.get("/{identifier}", response_model=StoredSystem, summary="Get a system")

@@ -24,7 +24,7 @@ from storage.lineage import remember, sources_in
 from storage.models import Dataset, DatasetSegment, DatasetStatus, ProcessingSource
 from storage.models.base import Document
 from storage.originals import is_left_out, rebuilt
-from storage.pagination import Page, paginate
+from storage.pagination import EVERY, Narrowing, Page, paginate
 
 #: The most bytes in one segment.
 MAX_SEGMENT = 8 * 1024 * 1024
@@ -74,10 +74,22 @@ class DatasetRepository:
             raise NotFoundError("dataset", identifier)
         return dataset
 
-    def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[Dataset]:
+    def page(
+        self,
+        *,
+        format: str | None = None,  # noqa: A002 - the contract's word
+        status: str | None = None,
+        narrowing: Narrowing = EVERY,
+        cursor: str | None = None,
+        limit: int = 100,
+    ) -> Page[Dataset]:
         """Return the recordings of the workspace, newest first."""
         rows = select(Dataset).where(Dataset.workspace_id == self._workspace_id)
-        return paginate(self._session, rows, Dataset, cursor=cursor, limit=limit)
+        if format is not None:
+            rows = rows.where(Dataset.format == format)
+        if status is not None:
+            rows = rows.where(Dataset.status == status)
+        return paginate(self._session, narrowing.of(rows, Dataset), Dataset, cursor=cursor, limit=limit)
 
     def newest(self, name: str) -> str | None:
         """Return the id of the recording of a name that was made last among those that are ready."""

@@ -27,7 +27,7 @@ from storage.insertion import insert_if_absent
 from storage.lineage import remember, sources_in
 from storage.models import Job, JobEvent, JobState, JobStatus, JobTally, Priority, Result
 from storage.models.base import MAX_INTEGER, Document
-from storage.pagination import Page, paginate
+from storage.pagination import EVERY, Narrowing, Page, paginate
 from storage.repositories import parts
 from storage.repositories.webhooks import tell_end
 
@@ -108,6 +108,7 @@ class JobRepository:
         kind: str | None = None,
         status: str | None = None,
         schedule: str | None = None,
+        narrowing: Narrowing = EVERY,
         cursor: str | None = None,
         limit: int = 100,
     ) -> Page[Job]:
@@ -119,7 +120,7 @@ class JobRepository:
             rows = rows.where(Job.status == status)
         if schedule is not None:
             rows = rows.where(Job.schedule_id == schedule)
-        return paginate(self._session, rows, Job, cursor=cursor, limit=limit)
+        return paginate(self._session, narrowing.of(rows, Job), Job, cursor=cursor, limit=limit)
 
     def events(self, identifier: str, *, after: int = 0, limit: int = 1000) -> Sequence[JobEvent]:
         """Return the events of a job with ids above ``after``, in order."""

@@ -21,7 +21,7 @@ from storage.errors import NotFoundError
 from storage.ids import new_id
 from storage.models import Blob, Result, ResultArray
 from storage.models.base import Document
-from storage.pagination import Page, paginate
+from storage.pagination import EVERY, Narrowing, Page, paginate
 
 _ARRAY = "$array"
 
@@ -105,12 +105,19 @@ class ResultRepository:
         assert isinstance(body, dict)
         return body
 
-    def page(self, *, kind: str | None = None, cursor: str | None = None, limit: int = 100) -> Page[Result]:
+    def page(
+        self,
+        *,
+        kind: str | None = None,
+        narrowing: Narrowing = EVERY,
+        cursor: str | None = None,
+        limit: int = 100,
+    ) -> Page[Result]:
         """Return the results of the workspace, newest first."""
         rows = select(Result).where(Result.workspace_id == self._workspace_id)
         if kind is not None:
             rows = rows.where(Result.kind == kind)
-        return paginate(self._session, rows, Result, cursor=cursor, limit=limit)
+        return paginate(self._session, narrowing.of(rows, Result), Result, cursor=cursor, limit=limit)
 
     def delete(self, identifier: str) -> None:
         """Forget a result."""

@@ -16,7 +16,7 @@ from storage.ids import new_id
 from storage.lineage import model_key, remember
 from storage.models import Comment, System, SystemRevision
 from storage.models.base import MAX_INTEGER, Document, utc_now
-from storage.pagination import Page, paginate
+from storage.pagination import EVERY, Narrowing, Page, paginate
 from storage.upcasting import CURRENT, upcast
 
 
@@ -121,10 +121,10 @@ class SystemRepository:
         self._session.execute(delete(Comment).where(Comment.system_id == identifier))
         record(self._session, self._workspace_id, "system.delete", identifier, revision=expected_revision)
 
-    def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[System]:
+    def page(self, *, narrowing: Narrowing = EVERY, cursor: str | None = None, limit: int = 100) -> Page[System]:
         """Return the heads (without documents) of the systems that are not deleted, newest first."""
         rows = select(System).where(System.workspace_id == self._workspace_id, System.deleted_at.is_(None))
-        return paginate(self._session, rows, System, cursor=cursor, limit=limit)
+        return paginate(self._session, narrowing.of(rows, System), System, cursor=cursor, limit=limit)
 
     def revisions(self, identifier: str, *, before: int | None = None, limit: int = 100) -> list[SystemRevision]:
         """Return the revisions of a system below ``before``, newest first."""

@@ -13,6 +13,7 @@ from api.services.operation.app_context import Caller, Installation
 from api.telemetry import tracing
 from storage.models import Job, JobEvent, JobStatus, Priority
 from storage.models.base import utc_now
+from storage.pagination import Narrowing
 from storage.repositories import JobRepository, ResultRepository
 
 
@@ -67,12 +68,13 @@ def page(
     kind: str | None,
     status: str | None,
     schedule: str | None,
+    narrowing: Narrowing,
     cursor: str | None,
     limit: int,
 ) -> dict[str, Any]:
     """Return one page of the jobs, newest first."""
     found = JobRepository(session, caller.workspace).page(
-        kind=kind, status=status, schedule=schedule, cursor=cursor, limit=limit
+        kind=kind, status=status, schedule=schedule, narrowing=narrowing, cursor=cursor, limit=limit
     )
     return {"items": [job_to_wire(job) for job in found.items], "next_cursor": found.next_cursor}
 

@@ -26,6 +26,7 @@ from api.services.recordings.instants import Instants, even_rate, uneven
 from api.services.recordings.recognising import UNKNOWN, recognise
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
+from storage.pagination import Narrowing
 from storage.repositories import DatasetRepository, ProcessingRepository
 from storage.session import Database
 
@@ -155,9 +156,20 @@ def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     return body | {"processing": ProcessingRepository(session, caller.workspace).described(identifier)}
 
 
-def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:
+def page(
+    session: Session,
+    caller: Caller,
+    *,
+    file_format: str | None,
+    status: str | None,
+    narrowing: Narrowing,
+    cursor: str | None,
+    limit: int,
+) -> dict[str, Any]:
     """Return one page of the recordings, newest first."""
-    found = DatasetRepository(session, caller.workspace).page(cursor=cursor, limit=limit)
+    found = DatasetRepository(session, caller.workspace).page(
+        format=file_format, status=status, narrowing=narrowing, cursor=cursor, limit=limit
+    )
     return {"items": [_head(row) for row in found.items], "next_cursor": found.next_cursor}
 
 

@@ -16,6 +16,7 @@ from api.convert.values import listed
 from api.services.operation.app_context import Caller
 from storage.lineage import remember, sources_in
 from storage.models import Result
+from storage.pagination import Narrowing
 from storage.repositories import ResultRepository
 
 
@@ -91,9 +92,11 @@ def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     return result_to_wire(repository, repository.get(identifier))
 
 
-def page(session: Session, caller: Caller, *, kind: str | None, cursor: str | None, limit: int) -> dict[str, Any]:
+def page(
+    session: Session, caller: Caller, *, kind: str | None, narrowing: Narrowing, cursor: str | None, limit: int
+) -> dict[str, Any]:
     """Return one page of the kept results, without their bodies."""
-    found = ResultRepository(session, caller.workspace).page(kind=kind, cursor=cursor, limit=limit)
+    found = ResultRepository(session, caller.workspace).page(kind=kind, narrowing=narrowing, cursor=cursor, limit=limit)
     return {"items": [_head(row) for row in found.items], "next_cursor": found.next_cursor}
 
 

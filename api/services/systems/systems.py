@@ -22,6 +22,7 @@ from api.services.operation.app_context import Caller, Installation
 from engine.diagram.diagram import Diagram
 from storage.errors import NotFoundError
 from storage.models import System, SystemRevision
+from storage.pagination import Narrowing
 from storage.repositories import SystemRepository
 from storage.repositories.systems import StoredSystem
 from storage.upcasting import CURRENT
@@ -162,9 +163,9 @@ def delete(session: Session, caller: Caller, identifier: str, *, expected_revisi
     repository.delete(identifier, expected_revision=expected_revision)
 
 
-def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:
+def page(session: Session, caller: Caller, *, narrowing: Narrowing, cursor: str | None, limit: int) -> dict[str, Any]:
     """Return one page of the systems, newest first, without their documents."""
-    found = SystemRepository(session, caller.workspace).page(cursor=cursor, limit=limit)
+    found = SystemRepository(session, caller.workspace).page(narrowing=narrowing, cursor=cursor, limit=limit)
     return {"items": [_head(row) for row in found.items], "next_cursor": found.next_cursor}
 
 

@@ -149,3 +149,46 @@ def test_pages_stay_what_they_are_while_things_are_added_and_deleted(room, path)
     assert wrong.status_code == 422
     assert wrong.json()["detail"].startswith("cursor must be ")
     assert wrong.json()["detail"].endswith(", got 'x'")
+
+
+def test_lists_are_narrowed_by_name_and_by_time(room) -> None:
+    made = [room.post("/v1/datasets", RAW | {"name": name}) for name in ("Fräse, morning", "FRäSE, 90 % load", "lathe")]
+    room.post("/v1/datasets", {"name": "fräse of a file", "format": "csv"})
+
+    def listed(path: str = "datasets", **wanted: Any) -> list[str]:
+        reply = room.client.get(f"/v1/{path}", params=wanted)
+        assert reply.status_code == 200, reply.text
+        return [one.get("name", one["id"]) for one in reply.json()["items"]]
+
+    assert listed(name="fräse") == ["fräse of a file", "FRäSE, 90 % load", "Fräse, morning"]
+    assert listed(name="äSe", format="raw", status="open", limit=1) == ["FRäSE, 90 % load"]
+    # Of other letters than English ones Postgres knows the capitals that its locale tells.
+    if room.database.engine.dialect.name == "sqlite":
+        assert listed(name="ÄSE, M") == ["Fräse, morning"]
+    # What stands for any letter in a database stands for itself here.
+    assert listed(name="% l") == ["FRäSE, 90 % load"]
+    assert listed(name="fr_se") == listed(name="fräse", status="failed") == []
+    assert listed(name=made[2]["id"]) == ["lathe"]
+    first, second, third = (one["created_at"] for one in made)
+    assert listed(after=first, before=third) == ["FRäSE, 90 % load", "Fräse, morning"]
+    # One after the other: pages of what is wanted follow one another as those of a whole list do.
+    page = room.client.get("/v1/datasets", params={"name": "fräse", "limit": 2}).json()
+    assert listed(name="fräse", limit=2, cursor=page["next_cursor"]) == ["Fräse, morning"]
+    room.post("/v1/systems", LAG | {"name": "Fräse"})
+    assert listed("systems", name="FRäSE", after=second) == ["Fräse"]
+    assert listed("systems", name="fräse", before=second) == []
+    for path, body in (("jobs", OPTIMIZATION | {"system": LAG}), ("results", STEP | {"system": LAG, "keep": True})):
+        new = room.post({"jobs": "/v1/optimizations", "results": "/v1/simulations"}[path], body)["id"]
+        assert new in listed(path, after=third)
+        assert new not in listed(path, before=third)
+    early = "0001-01-01T00:00:00+14:00"
+    for wrong in (
+        {"name": "a\0"},
+        {"name": "x" * 201},
+        {"after": "2026-01-01T00:00:00"},
+        {"before": "noon"},
+        {"before": early},
+    ):
+        refused = room.client.get("/v1/datasets", params=wrong)
+        assert refused.status_code == 422, refused.text
+        assert next(iter(wrong)) in refused.text

@@ -23,7 +23,7 @@ export function AddDesign({ full, onAdd, onRecording, outputs = [] }: Props) {
   const [of, setOf] = useState<string | null>(null);
   const [revision, setRevision] = useState("");
   const [channel, setChannel] = useState("");
-  const systems = useInfiniteQuery({ ...systemsQuery, enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
+  const systems = useInfiniteQuery({ ...systemsQuery(), enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
   const searches = useInfiniteQuery({ ...jobsQuery({ kind: "optimization" }), enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
   const models = useInfiniteQuery({ ...jobsQuery({ kind: "identification" }), enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
   const recordings = useQuery({ ...readyDatasets, enabled: opened && onRecording !== undefined }).data ?? [];

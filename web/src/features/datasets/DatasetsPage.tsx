@@ -1,5 +1,5 @@
 import { Button, FileButton, Stack, Text, TextInput } from "@mantine/core";
-import { useInfiniteQuery } from "@tanstack/react-query";
+import { keepPreviousData, useInfiniteQuery } from "@tanstack/react-query";
 import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { api, must } from "@/shared/api/client";
@@ -8,6 +8,7 @@ import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { useAsked } from "@/shared/ui/useAsked";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import { When } from "@/shared/ui/When";
 import { UploadPanel } from "./UploadPanel";
@@ -15,19 +16,22 @@ import { UploadPanel } from "./UploadPanel";
 /** Recordings: what is there, and the way in for files of every format. */
 export function DatasetsPage() {
   const { t } = useTranslation();
+  const [query, setQuery] = useQueryText();
+  const search = query.get("q") ?? "";
+  const asked = useAsked(search);
   const datasets = useInfiniteQuery({
-    queryKey: ["datasets"],
+    queryKey: ["datasets", "listed", asked],
     initialPageParam: undefined as string | undefined,
-    queryFn: ({ pageParam }) => must(api.GET("/v1/datasets", { params: { query: { limit: 100, cursor: pageParam } } })),
+    queryFn: ({ pageParam }) => must(api.GET("/v1/datasets", { params: { query: { limit: 100, cursor: pageParam, ...(asked ? { name: asked } : {}) } } })),
     getNextPageParam: (page) => page.next_cursor ?? undefined,
+    placeholderData: keepPreviousData,
   });
   const [file, setFile] = useState<File | null>(null);
   const choose = useRef<HTMLButtonElement>(null);
   const rows = datasets.data?.pages.flatMap((page) => page.items) ?? [];
-  const [query, setQuery] = useQueryText();
-  const search = query.get("q") ?? "";
   const find = (text: string) => setQuery(() => new URLSearchParams(text ? { q: text } : {}));
-  const shown = rows.filter((row) => `${row.name} ${row.id}`.toLowerCase().includes(search.toLowerCase()));
+  const none = datasets.isSuccess && !datasets.isPlaceholderData && rows.length === 0;
+  const empty = none && asked === "";
   return (
     <div className="page">
       <PageHead title={t("nav.datasets")} doc={t("datasets.doc")}>
@@ -42,18 +46,18 @@ export function DatasetsPage() {
       <Stack gap="md">
         <ProblemAlert error={datasets.error} onRetry={() => void datasets.refetch()} />
         {file && <UploadPanel key={`${file.name}${file.lastModified}`} file={file} onClose={() => setFile(null)} />}
-        {datasets.isSuccess && rows.length === 0 && !file && (
+        {empty && !file && (
           <Empty title={t("datasets.none")} action={<Button onClick={() => choose.current?.click()}>{t("datasets.chooseFirst")}</Button>}>
             {t("datasets.noneDoc")}
           </Empty>
         )}
-        {rows.length > 0 && <TextInput label={t("systems.search")} value={search} onChange={(event) => find(event.currentTarget.value)} maw={320} type="search" />}
-        {rows.length > 0 && shown.length === 0 && <Text fz="sm">{t("datasets.noMatch", { search })}</Text>}
-        {shown.length > 0 && (
+        {datasets.isSuccess && !empty && <TextInput label={t("systems.search")} value={search} onChange={(event) => find(event.currentTarget.value)} maw={320} type="search" />}
+        {none && !empty && <Text fz="sm">{t("datasets.noMatch", { search: asked })}</Text>}
+        {rows.length > 0 && (
           <DataTable
             testId="datasets"
             highlight
-            rows={shown}
+            rows={rows}
             keyOf={(row) => row.id}
             columns={[
               { title: t("systems.name"), cell: (row) => <NameLink to={`/datasets/${row.id}`}>{row.name}</NameLink> },

@@ -9,6 +9,7 @@ import { download, fileName } from "@/shared/plots/export";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { useAsked } from "@/shared/ui/useAsked";
 import { When } from "@/shared/ui/When";
 import { createSystem, deleteSystem, systemQuery, systemsKey, systemsQuery } from "@/shared/api/systems";
 import { useTour } from "@/shared/tour/tour";
@@ -28,7 +29,8 @@ export function SystemsPage() {
   const queries = useQueryClient();
   const [query, setQuery] = useSearchParams();
   const search = query.get("q") ?? "";
-  const systems = useInfiniteQuery(systemsQuery);
+  const asked = useAsked(search);
+  const systems = useInfiniteQuery(systemsQuery(asked));
   const create = useMutation({
     mutationFn: ({ document }: { document: SystemDocument; to: string; tour?: boolean }) => createSystem(document),
     onSuccess: (id, { to, tour }) => {
@@ -68,7 +70,8 @@ export function SystemsPage() {
     download(fileName(found.document.name || id, "json"), new Blob([JSON.stringify(found.document, null, 2) + "\n"], { type: "application/json" }));
   };
   const all = systems.data?.pages.flatMap((page) => page.items) ?? [];
-  const shown = all.filter((row) => `${row.name} ${row.id}`.toLowerCase().includes(search.toLowerCase()));
+  const none = systems.isSuccess && !systems.isPlaceholderData && all.length === 0;
+  const empty = none && asked === "";
 
   return (
     <div className="page">
@@ -88,7 +91,7 @@ export function SystemsPage() {
         <TourOffer onOpen={(template) => create.mutate({ document: template.document, to: `panel?${template.panel}`, tour: true })} busy={create.isPending} />
         <ProblemAlert error={create.error ?? copy.error ?? remove.error ?? systems.error} />
         <ProblemAlert id="import-problem" error={read.error} />
-        {systems.isSuccess && all.length === 0 && (
+        {empty && (
           <Empty
             title={t("systems.none")}
             action={
@@ -100,7 +103,7 @@ export function SystemsPage() {
             {t("systems.noneDoc")}
           </Empty>
         )}
-        {all.length > 0 && (
+        {systems.isSuccess && !empty && (
           <div>
             <TextInput label={t("systems.search")} value={search} onChange={(event) => setQuery(event.currentTarget.value ? { q: event.currentTarget.value } : {}, { replace: true, preventScrollReset: true })} maw={320} mb="xs" type="search" />
             <Table.ScrollContainer minWidth={560}>
@@ -114,7 +117,7 @@ export function SystemsPage() {
                   </Table.Tr>
                 </Table.Thead>
                 <Table.Tbody>
-                  {shown.map((row) => (
+                  {all.map((row) => (
                     <Table.Tr key={row.id}>
                       <Table.Td>
                         <Text component={Link} to={`/systems/${row.id}/panel`} c="var(--mantine-color-anchor)" fw={500} fz="sm">
@@ -149,7 +152,7 @@ export function SystemsPage() {
                 </Table.Tbody>
               </Table>
             </Table.ScrollContainer>
-            {shown.length === 0 && <Text fz="sm">{t("systems.noMatch", { search })}</Text>}
+            {none && <Text fz="sm">{t("systems.noMatch", { search: asked })}</Text>}
             {systems.hasNextPage && (
               <Button variant="default" onClick={() => void systems.fetchNextPage()} loading={systems.isFetchingNextPage}>
                 {t("systems.further")}

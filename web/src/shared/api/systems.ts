@@ -1,15 +1,18 @@
-import { infiniteQueryOptions, queryOptions } from "@tanstack/react-query";
+import { infiniteQueryOptions, keepPreviousData, queryOptions } from "@tanstack/react-query";
 import { api, must, mustWithTag } from "./client";
 import type { SystemDocument, WireSystem } from "./types";
 
 export const systemsKey = ["systems"];
 
-export const systemsQuery = infiniteQueryOptions({
-  queryKey: systemsKey,
-  initialPageParam: undefined as string | undefined,
-  queryFn: ({ pageParam }) => must(api.GET("/v1/systems", { params: { query: { limit: 100, cursor: pageParam } } })),
-  getNextPageParam: (page) => page.next_cursor ?? undefined,
-});
+/** Systems, the newest first; those with a part of the name, or of an id. */
+export const systemsQuery = (name = "") =>
+  infiniteQueryOptions({
+    queryKey: [...systemsKey, "listed", name],
+    initialPageParam: undefined as string | undefined,
+    queryFn: ({ pageParam }) => must(api.GET("/v1/systems", { params: { query: { limit: 100, cursor: pageParam, ...(name ? { name } : {}) } } })),
+    getNextPageParam: (page) => page.next_cursor ?? undefined,
+    placeholderData: keepPreviousData,
+  });
 
 /** Systems that can be chosen, the newest first. */
 export const systemChoices = queryOptions({ queryKey: [...systemsKey, "choices"], queryFn: async () => (await must(api.GET("/v1/systems", { params: { query: { limit: 200 } } }))).items });
