@@ -1,9 +1,10 @@
 """Fast metrics of many candidates of one diagram: what an optimiser looks at, never what a user is shown.
 
-Of linear systems without delays the compiled kernels answer steps, loops and paths; `engine.batch.linear` answers responses with delays, to
-every other command, integrals and poles. Of nonlinear systems responses to any command are marched, where their laws are formulas of the
-instant. Each metric is evaluated by its own evaluator, so that none waits for another. Frequency metrics that the kernels do not answer are read
-off a scan over frequencies by `engine.batch.frequency`; responses for which the kernels cannot vouch are followed by `engine.batch.linear`.
+Of linear systems without delays the compiled kernels answer steps, loops and paths; `engine.batch.linear` answers responses with
+delays, to every other command, integrals and poles. Of nonlinear systems responses to any command are marched, where their laws
+are formulas of the instant. Each metric is evaluated by its own evaluator, so that none waits for another. Frequency metrics that
+the kernels do not answer are read off a scan over frequencies by `engine.batch.frequency`, of nonlinear systems where they rest;
+responses for which the kernels cannot vouch are followed by `engine.batch.linear`.
 What these cannot vouch for either is flagged doubtful and belongs to the exact path.
 """
 
@@ -62,6 +63,13 @@ class Screening:
         """Return whether compiled kernels answer every request, for these parameters varied."""
         shares = None if self._diagram.nonlinear else self._shared(tuple(parameters))
         return shares is not None and shares.complete
+
+    def batched(self, parameters: Sequence[str]) -> bool:
+        """Return whether batches answer every request, compiled or marched, for these parameters varied."""
+        if not self._diagram.nonlinear:
+            return self.compiled(parameters)
+        march = self._march(tuple(parameters))
+        return march is not None and all(np.array(march.measured) | np.array(self._in_frequency))
 
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.
@@ -179,14 +187,21 @@ class Screening:
         return found
 
     def _marched(self, overrides: Mapping[str, Array]) -> Screened:
-        """Return the metrics of a nonlinear diagram."""
+        """Return the metrics of a nonlinear diagram: responses are marched, and where it rests it is scanned as a linear one."""
         points = _side_by_side(overrides.values())
-        march = None if np.iscomplexobj(points) else self._march(tuple(overrides))
-        if march is None:
-            return Screened.unknown(
-                len(points), len(self._requests), dtype=complex if np.iscomplexobj(points) else float
-            )
-        return march(points, threads=self._threads)
+        moves = np.iscomplexobj(points)
+        found = Screened.unknown(len(points), len(self._requests), dtype=complex if moves else float)
+        march = None if moves else self._march(tuple(overrides))
+        parts = [] if march is None else [(np.flatnonzero(march.measured), march(points, threads=self._threads))]
+        framed = np.flatnonzero(self._in_frequency)
+        if framed.size:
+            parts.append((framed, self._scan(tuple(framed.tolist()))(overrides)))
+        for columns, part in parts:
+            own = columns if part.values.shape[1] == len(self._requests) else slice(None)
+            found.values[:, columns], found.doubtful[:, columns] = part.values[:, own], part.doubtful[:, own]
+            found.growth[:] = np.fmax(found.growth, part.growth)
+            found.valid[:] &= part.valid
+        return found
 
     def _march(self, varied: tuple[str, ...]) -> NonlinearBatch | None:
         """Return what marches a nonlinear diagram; None where its laws are no formulas."""

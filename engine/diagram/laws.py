@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,9 @@ from engine.model.errors import EngineError
 from engine.model.parameters import Scalar
 
 Flags = npt.NDArray[np.bool_]
+
+_REMEMBERED: Final = 8
+"""So many sets of values are known again."""
 
 
 class Laws:
@@ -41,6 +46,7 @@ class Laws:
         self._channels = channels
         self._interconnection = interconnection
         self._constants = constants
+        self._known: dict[bytes, _Linearized] = {}
 
     def cut_out(
         self,
@@ -64,11 +70,12 @@ class Laws:
 
     def linearized(self, realizations: list[Realization], values: list[Scalar], closed: Wiring) -> list[Realization]:
         """Return the realisations with the slopes of the nonlinear blocks at the operating point."""
-        found = list(realizations)
-        slopes = self._slopes(self.system(realizations, values, closed))
-        for number, realization in zip(self._channels.numbers, slopes, strict=True):
-            found[number] = realization
-        return found
+        key = _key(values)
+        known = self._known.get(key)
+        if known is None:
+            own = self._slopes(self.system(realizations, values, closed))
+            known = self._remember(key, _Linearized(own=own, exist=np.ones(1, dtype=bool)))
+        return self._with(realizations, known)
 
     def linearized_members(
         self, realizations: list[Realization], values: list[Scalar], closed: Wiring, admitted: Flags
@@ -77,20 +84,52 @@ class Laws:
 
         A member that has none is no longer ``admitted``, which is overwritten.
         """
-        system = self.system(realizations, values, closed, admitted)
+        key = _key([*values, admitted])
+        known = self._known.get(key)
+        if known is None:
+            here = admitted.copy()
+            system = self.system(realizations, values, closed, here)
+            members: list[list[Realization] | None] = []
+            for index in range(len(here)):
+                try:
+                    members.append(self._slopes(system.member(index)) if here[index] else None)
+                except EngineError:  # a loop through nonlinear blocks has no solution for this member
+                    members.append(None)
+            own = [
+                joined([None if member is None else member[place] for member in members], like=realizations[number])
+                for place, number in enumerate(self._channels.numbers)
+            ]
+            exist = np.array([member is not None for member in members], dtype=bool)
+            known = self._remember(key, _Linearized(own=own, exist=exist))
+        admitted &= known.exist
+        return self._with(realizations, known)
+
+    def _with(self, realizations: list[Realization], known: _Linearized) -> list[Realization]:
         found = list(realizations)
-        members: list[list[Realization] | None] = []
-        for index in range(len(admitted)):
-            try:
-                members.append(self._slopes(system.member(index)) if admitted[index] else None)
-            except EngineError:  # a loop through nonlinear blocks has no solution for this member
-                members.append(None)
-        for place, number in enumerate(self._channels.numbers):
-            own = [None if member is None else member[place] for member in members]
-            found[number] = joined(own, like=realizations[number])
-        for index, member in enumerate(members):
-            admitted[index] &= member is not None
+        for number, realization in zip(self._channels.numbers, known.own, strict=True):
+            found[number] = realization
+        return found
+
+    def _remember(self, key: bytes, found: _Linearized) -> _Linearized:
+        if len(self._known) >= _REMEMBERED:
+            self._known.clear()
+        self._known[key] = found
         return found
 
     def _slopes(self, system: NonlinearSystem) -> list[Realization]:
         return small_signal(system, operating_point(system, self._constants))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Linearized:
+    """The nonlinear blocks of some members as linear ones, and which members have an operating point."""
+
+    own: list[Realization]
+    exist: Flags
+
+
+def _key(values: Sequence[Scalar | Flags]) -> bytes:
+    """Return the bits of all values, by which they are known again: loops are opened at several places, with the same slopes."""
+    arrays = [np.asarray(value) for value in values]
+    shapes = repr([(array.dtype.char, array.shape) for array in arrays]).encode()
+    return shapes + b"".join(array.tobytes() for array in arrays)

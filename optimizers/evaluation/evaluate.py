@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -40,10 +41,20 @@ IMPOSSIBLE = 1e5
 UNLIMITED = 1e30
 """Stands for the infinite value of a margin or bandwidth that is never crossed, where it is an objective."""
 _STEP = 1e-30
+_TRIED, _MOST, _WORTH = 64, 0.75, 8
+"""Candidates on which batches are tried, the part of them that they have to answer for, and how many times as many make a trial worth it."""
 
 Matrix = npt.NDArray[np.float64]
 
 _DIVERGES = frozenset({Verdict.UNSTABLE, Verdict.MARGINAL})
+
+
+class Cost(StrEnum):
+    """What a candidate costs: microseconds in compiled kernels, milliseconds in a batch, or a simulation of its own."""
+
+    KERNELS = "kernels"
+    BATCHES = "batches"
+    SIMULATION = "simulation"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,8 +126,33 @@ class Evaluator:
     @cached_property
     def compiled(self) -> bool:
         """Whether compiled kernels evaluate the goals: a candidate then costs microseconds."""
+        return not self.problem.commands and self._screening.compiled(self._varied)
+
+    @cached_property
+    def cost(self) -> Cost:
+        """What a candidate costs. Whether batches answer for most candidates is tried on a few that are drawn from the ranges."""
+        if self.compiled:
+            return Cost.KERNELS
+        count = len(self.problem.axes)
+        # On a line a search needs fewer candidates than it would take to try.
+        if count == 1 or self.problem.commands or not self._screening.batched(self._varied):
+            return Cost.SIMULATION
+        self.evaluations += _TRIED
+        points = self._points(np.random.default_rng(0).random((_TRIED, count)))
+        found = self._screened(self._overrides(points), len(self.problem.scenarios) * _TRIED)
+        known = (found.growth >= 0) | ~(found.doubtful & np.isnan(found.values)).any(axis=1)
+        return Cost.BATCHES if known.mean() >= _MOST else Cost.SIMULATION
+
+    def expect(self, evaluations: int) -> None:
+        """Take note of how many evaluations there will be, at most: for few of them batches are not tried."""
+        if evaluations < _WORTH * _TRIED and not self.compiled:
+            self.cost = Cost.SIMULATION
+
+    @property
+    def _varied(self) -> list[str]:
+        """The parameters of the system that differ between candidates or scenarios."""
         axes = [axis.parameter for axis in self.problem.axes if axis.parameter not in self.problem.commands]
-        return not self.problem.commands and self._screening.compiled([*axes, *self._keys, *self.problem.ties])
+        return [*axes, *self._keys, *self.problem.ties]
 
     def assess(self, positions: Matrix, *, roughly: bool = False) -> Assessment:
         """Return the ranking quantities of points (B, V) in the unit cube.
@@ -296,8 +332,8 @@ class Evaluator:
         """Return metric values (B, S, G), growth (B, S) and doubt (B, S, G); infinite growth: no such system."""
         batch, count = len(positions), len(self.problem.scenarios)
         self.evaluations += batch
-        points = np.stack([axis.value(positions[:, i]) for i, axis in enumerate(self.problem.axes)], axis=1)
-        roughly = roughly and self.compiled
+        points = self._points(positions)
+        roughly = roughly and self.cost is not Cost.SIMULATION
         screened = self._screened(self._overrides(points), count * batch, second_opinion=not roughly)
         shape = (count, batch, len(self.problem.goals))
         values = compared(self.problem.goals, screened.values.reshape(shape).swapaxes(0, 1))
@@ -316,10 +352,15 @@ class Evaluator:
             asking = [self.problem.goals[goal] for goal in asked]
             values[b, s, asked] = numbers_of(asking, [[measured for measured, _ in found]])[0]
             doubtful[b, s, asked] = False
-            if np.isnan(growth[b, s]):
-                diverges = any(measured.verdict in _DIVERGES for measured, _ in found)
-                growth[b, s] = 0.0 if diverges else -1.0
+            if any(measured.verdict in _DIVERGES for measured, _ in found):
+                growth[b, s] = 0.0  # where it rests it may be stable
+            elif np.isnan(growth[b, s]):
+                growth[b, s] = -1.0
         return values, growth, doubtful
+
+    def _points(self, positions: Matrix) -> Matrix:
+        """Return the values of the variables (B, V) at positions in the unit cube."""
+        return np.stack([axis.value(positions[:, i]) for i, axis in enumerate(self.problem.axes)], axis=1)
 
     def _screened(
         self, overrides: Mapping[str, npt.NDArray[np.number]], members: int, *, second_opinion: bool = True

@@ -16,7 +16,7 @@ import numpy as np
 
 from engine.model.parameters import Param
 from optimizers.evaluation.certificate import TOLERANCE
-from optimizers.evaluation.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.evaluation.evaluate import UNSTABLE, Cost, Evaluator, Matrix
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
 from optimizers.search.blocks import in_blocks
@@ -27,14 +27,54 @@ from optimizers.search.result import Keeper, Monitor, Result, Status, kept_by
 from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
-_SAMPLE, _FEW = 4096, 512
-"""Points of the first look with compiled kernels, and without them."""
 _APART = 0.08
-_DESCENT, _LAST_DESCENT, _POLISH = 25, 60, 40
-"""Evaluations with slopes: of a first descent, of one from the best point, and of a polish."""
-_AROUND = 8 * 64
-"""Evaluations around the best point without compiled kernels."""
 _SMALLEST_CLOUD = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Plan:
+    """How many evaluations go where.
+
+    Attributes
+    ----------
+    sample : int
+        Points of the first look.
+    starts : int
+        Points that a way begins from.
+    cloud, last_cloud : tuple of int
+        Rounds and points of the cloud around each start, and around the best point; 0 points: none.
+    descent, last_descent, polish : int
+        Evaluations with slopes: of a descent from each start, of one from the best point, and of a polish.
+    """
+
+    sample: int
+    starts: int
+    cloud: tuple[int, int] = (0, 0)
+    last_cloud: tuple[int, int]
+    descent: int = 0
+    last_descent: int
+    polish: int
+
+    @classmethod
+    def of(cls, cost: Cost, variables: int, starts: int) -> _Plan:
+        """Return the plan for what a candidate costs: where that is much, few variables need few of them.
+
+        A line takes 16 points, a plane 64; a space of many variables takes what is left of some thousand evaluations.
+        """
+        if cost is Cost.KERNELS:
+            return cls(
+                sample=4096, starts=starts, cloud=(8, 128), last_cloud=(16, 512), last_descent=25, polish=40
+            )  # fmt: skip
+        n, few = variables, min(variables, 4)
+        polish = min(40, 12 * n)
+        if cost is Cost.BATCHES and n > 1:
+            return cls(
+                sample=128 << (few - 1), starts=min(starts, n), cloud=(4, 64), last_cloud=(8, 64), last_descent=0, polish=polish
+            )  # fmt: skip
+        return cls(
+            sample=min(512, 4 << 2 * few), starts=min(starts, 2 * n), descent=min(25, 2 + 6 * n),
+            last_cloud=(8, 4 << few) if n > 1 else (0, 0), last_descent=min(60, 15 * n), polish=polish,
+        )  # fmt: skip
 
 
 @final
@@ -125,11 +165,11 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
     keeper = tracker.monitor if isinstance(tracker.monitor, Keeper) else None
     # Drawn before anything is known, so that a run that goes on later draws the same.
     for_sample, *clouds = rng.spawn(starts + 2)
-    compiled = tracker.evaluator.compiled
+    plan = _Plan.of(tracker.evaluator.cost, len(tracker.evaluator.problem.axes), starts)
     kept = kept_by(tracker.monitor, "gradient")
     if kept is None:
         tracker.monitor.progress(0.0, "sampling")
-        left = _apart(_sample(tracker, for_sample), starts)
+        left = _apart(_sample(tracker, for_sample, plan.sample), plan.starts)
     else:
         state = _State.of(kept)
         left, tracker.evaluator.evaluations = state.left, state.evaluations
@@ -137,11 +177,11 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
     descent, count = Descent(tracker, margins), len(left)
     while left:
         begin = 0.2 + 0.4 * (1 - len(left) / count)
-        tracker.stage(begin, begin + 0.4 / count, f"{len(left)} starts to come", evaluations=_DESCENT)
-        if compiled:
-            _surround(tracker, left[0], clouds[len(left)], rounds=8, size=128)
-        else:
-            descent.run(left[0], evaluations=_DESCENT)
+        tracker.stage(
+            begin, begin + 0.4 / count, f"{len(left)} starts to come", evaluations=plan.descent + math.prod(plan.cloud)
+        )
+        _surround(tracker, left[0], clouds[len(left)], *plan.cloud)
+        descent.run(left[0], evaluations=plan.descent)
         left = left[1:]
         if keeper is not None and tracker.best is not None:
             state = _State(
@@ -149,22 +189,19 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
             )  # fmt: skip
             keeper.keep(state.document())
     assert tracker.best is not None
-    tracker.stage(0.6, 0.85, "searching around the best point", evaluations=_AROUND)
-    if compiled:
-        _surround(tracker, tracker.best, clouds[0], rounds=16, size=512)
-    else:
-        descent.run(tracker.best, evaluations=_LAST_DESCENT)
-        _surround(tracker, tracker.best, clouds[0], rounds=8, size=64)
-    tracker.stage(0.85, 0.95, "polishing", evaluations=_DESCENT + _POLISH)
-    descent.run(tracker.best, evaluations=_DESCENT)
-    polish(tracker, margins, evaluations=_POLISH)
+    around = plan.last_descent + math.prod(plan.last_cloud)
+    tracker.stage(0.6, 0.85, "searching around the best point", evaluations=around)
+    _surround(tracker, tracker.best, clouds[0], *plan.last_cloud)
+    descent.run(tracker.best, evaluations=plan.last_descent)
+    tracker.stage(0.85, 0.95, "polishing", evaluations=plan.polish)
+    polish(tracker, margins, evaluations=plan.polish)
     descend_to_proof(tracker, margins)
 
 
-def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:
+def _sample(tracker: Tracker, rng: np.random.Generator, size: int) -> Matrix:
     """Return points from the best to the worst: the start and a Sobol sequence."""
-    problem, compiled = tracker.evaluator.problem, tracker.evaluator.compiled
-    count = max(1, min(_SAMPLE, tracker.budget // 3) if compiled else min(_FEW, tracker.budget // 8))
+    problem = tracker.evaluator.problem
+    count = max(1, min(size, tracker.budget // (8 if tracker.evaluator.cost is Cost.SIMULATION else 3)))
     sobol = sobol_sequence(len(problem.axes), rng)
     points = np.vstack([problem.start(), sobol.random_base2(math.ceil(math.log2(count)))[: count - 1]])
     violation, objective = np.empty(len(points)), np.empty(len(points))
@@ -186,9 +223,9 @@ def _apart(points: Matrix, count: int) -> list[Vector]:
     return chosen
 
 
-def _surround(tracker: Tracker, start: Vector, rng: np.random.Generator, *, rounds: int, size: int) -> None:
+def _surround(tracker: Tracker, start: Vector, rng: np.random.Generator, rounds: int, size: int) -> None:
     """Search around a point without slopes."""
     # Half of what is left: slopes must still be affordable afterwards.
-    size = min(size, (tracker.budget - tracker.evaluator.evaluations) // (2 * rounds))
+    size = min(size, (tracker.budget - tracker.evaluator.evaluations) // max(1, 2 * rounds))
     if size >= _SMALLEST_CLOUD:
         search_around(tracker, start, rng, rounds=rounds, size=size)

@@ -9,11 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from optimizers.evaluation.evaluate import Assessment, Matrix
+from optimizers.evaluation.evaluate import Assessment, Cost, Matrix
 from optimizers.search.search import Tracker
 
-_FIRST, _FIRST_SIMULATED = 128, 1
-"""Points of the first block, and where each is simulated by itself: there a single one may take a second."""
+_LEAST = {Cost.KERNELS: 1, Cost.BATCHES: 64, Cost.SIMULATION: 1}
+"""Points of the smallest block, and of the first: in a batch fewer take as long, and by itself a single one may take a second."""
+_FIRST = 128
+"""Points of the first block for compiled kernels."""
 _LARGEST = 16_384
 _SHORT, _LONG = 0.15, 0.4
 """Seconds: blocks that take less grow, those that take more shrink."""
@@ -37,7 +39,8 @@ def in_blocks(tracker: Tracker, positions: Matrix, *, roughly: bool = False) -> 
     Stopped
         When cancelled or out of budget.
     """
-    size, first = _FIRST_SIMULATED if tracker.evaluator.problem.diagram.nonlinear else _FIRST, 0
+    least, first = _LEAST[tracker.evaluator.cost], 0
+    size = _FIRST if tracker.evaluator.cost is Cost.KERNELS else least
     while first < len(positions):
         left = tracker.budget - tracker.evaluator.evaluations
         rows = slice(first, min(first + size, len(positions), first + max(left, 1)))
@@ -49,4 +52,4 @@ def in_blocks(tracker: Tracker, positions: Matrix, *, roughly: bool = False) -> 
         if taken < _SHORT:
             size = min(2 * size, _LARGEST)
         elif taken > _LONG:
-            size = max(size // 4, 1)
+            size = max(size // 4, least)

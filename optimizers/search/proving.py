@@ -13,7 +13,8 @@ from optimizers.search.search import SAFETY, STATIONARY, Descent, Tracker
 from optimizers.search.successive_linear_programming import Polish
 
 _ROUNDS = 3
-_EVALUATIONS = 60
+_EVALUATIONS, _SIMULATED = 60, 15
+"""Evaluations with slopes of a descent, at most; and so many for each variable where compiled kernels do not give them."""
 _TRUSTED = 1e-4
 """Relative difference of fast and exact objective from which on the fast one is not believed."""
 
@@ -54,11 +55,17 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
     if tracker.best is None or tracker.rank[0] > 0:
         return
     proven = tracker.best, tracker.rank, tracker.stationarity
-    descend_beside(tracker, tracker.best, evaluations=_EVALUATIONS)
+    descend_beside(tracker, tracker.best, evaluations=_affordable(tracker))
     if tracker.best is not proven[0] and not certify(tracker.evaluator.problem, _values(tracker)).valid:
         tracker.best, tracker.rank, tracker.stationarity = proven
     if tracker.stationarity is None:  # the best point is a later one than the last proof
         Polish(tracker, margins).run(tracker.best, evaluations=1)
+
+
+def _affordable(tracker: Tracker) -> int:
+    """Return how many evaluations with slopes a descent may take."""
+    evaluator = tracker.evaluator
+    return _EVALUATIONS if evaluator.compiled else min(_EVALUATIONS, _SIMULATED * len(evaluator.problem.axes))
 
 
 def _values(tracker: Tracker) -> dict[str, float]:
@@ -82,8 +89,8 @@ def _tighten(tracker: Tracker, margins: Vector) -> None:
         # Points found with less margin no longer count: not even the one that the descent starts from.
         start, tracker.rank = tracker.best, (np.inf, np.inf)
         tracker.margins = np.maximum(margins - SAFETY, 0.0)
-        Descent(tracker, margins).run(start, evaluations=_EVALUATIONS)
-        Polish(tracker, margins).run(tracker.best, evaluations=_EVALUATIONS)
+        Descent(tracker, margins).run(start, evaluations=_affordable(tracker))
+        Polish(tracker, margins).run(tracker.best, evaluations=_affordable(tracker))
 
 
 class _Exactly(Evaluator):
@@ -118,9 +125,9 @@ def _mistrust(tracker: Tracker, margins: Vector) -> None:
     exactly.evaluations = tracker.evaluator.evaluations
     tracker.evaluator, fast = exactly, tracker.evaluator
     try:
-        descend_beside(tracker, start, evaluations=_EVALUATIONS)
-        Descent(tracker, margins).run(start, evaluations=_EVALUATIONS)
-        Polish(tracker, margins).run(start if tracker.best is None else tracker.best, evaluations=_EVALUATIONS)
+        descend_beside(tracker, start, evaluations=_affordable(tracker))
+        Descent(tracker, margins).run(start, evaluations=_affordable(tracker))
+        Polish(tracker, margins).run(start if tracker.best is None else tracker.best, evaluations=_affordable(tracker))
     finally:
         fast.evaluations = exactly.evaluations
         tracker.evaluator = fast

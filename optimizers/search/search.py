@@ -72,6 +72,7 @@ class Tracker:
 
     def __init__(self, evaluator: Evaluator, monitor: Monitor, budget: int) -> None:
         self.evaluator = evaluator
+        self.evaluator.expect(budget)
         self.monitor = monitor
         self.budget = budget
         self.history: list[HistoryPoint] = []

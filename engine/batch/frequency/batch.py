@@ -8,16 +8,18 @@ divided by 1e-30. Poles tell who is stable, with delays of any lengths. A candid
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.batch.frequency.balance import balance
 from engine.batch.frequency.bounds import LOOP_MASKS, PATH_MASKS, ratio
 from engine.batch.frequency.margins import LOOP_METRICS, PATH_METRICS
 from engine.batch.frequency.scan import Path, Scan
 from engine.batch.linear.poles import growth_of
-from engine.batch.linear.spectra import Spectra
+from engine.batch.linear.spectra import Spectra, between
 from engine.batch.screened import Screened
 
 if TYPE_CHECKING:
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
     from engine.model.linear_system import Array, StackedSystem
+
+    _Ends = tuple[Opening | None] | tuple[str, str]
+    """The place where a loop is opened, or an input and an output."""
 
 _CHUNK = 256
 
@@ -55,24 +60,39 @@ class FrequencyBatch:
         complex_lanes = any(np.iscomplexobj(values) for values in overrides.values())
         found = Screened.unknown(len(stack.valid), len(self._requests), dtype=complex if complex_lanes else float)
         found.valid[:] = stack.valid
-        if not stack.a.shape[1] and not stack.delays.shape[1]:
-            # Nothing moves by itself: there is no frequency to begin a scan at.
-            found.growth[stack.valid] = -np.inf
-            found.doubtful[:, self.measured] = stack.valid[:, None]
-            return found
-        if here.size:
-            found.growth[here] = growth_of(spectra.roots(here))
-        found.doubtful[:, self.measured] = (stack.valid & np.isnan(found.growth))[:, None]
-        stable = here[found.growth[here] < 0]
-        loops = {
-            request.open_at
-            for request, own in zip(self._requests, self.measured, strict=True)
-            if own and _is_loop(request)
-        }
-        opened = {at: self._diagram.realize_stack(overrides, open_at=at) for at in loops if stable.size}
-        for start in range(0, len(stable), _CHUNK):
-            self._read(stack, opened, stable[start : start + _CHUNK], found)
+        worst, known = np.full((2, len(stack.valid)), -np.inf)
+        for ends, columns in self._alike().items():
+            path = self._path(ends, overrides, stack)
+            own = np.full(len(stack.valid), np.nan)
+            if path.kept.size:
+                own[here] = growth_of(spectra.roots(here, path.kept)) if here.size else np.nan
+            else:
+                # Nothing moves by itself: there is no frequency to begin a scan at.
+                own[stack.valid] = -np.inf
+            worst, known = np.maximum(worst, own), np.fmax(known, own)
+            found.doubtful[:, columns] = (stack.valid & ~np.isfinite(own))[:, None]
+            stable = here[np.isfinite(own[here]) & (own[here] < 0)]
+            for start in range(0, len(stable), _CHUNK):
+                self._read(path, columns, stable[start : start + _CHUNK], own, found)
+        # What is unstable is so whatever is not known of others.
+        found.growth[:] = np.where(known >= 0, known, worst)
         return found
+
+    def _alike(self) -> dict[_Ends, list[int]]:
+        """Return the requests, by number, that look at the same path or loop."""
+        groups: dict[_Ends, list[int]] = {}
+        for index, request in enumerate(self._requests):
+            if self.measured[index]:
+                ends = (request.open_at,) if _is_loop(request) else (str(request.source), str(request.target))
+                groups.setdefault(ends, []).append(index)
+        return groups
+
+    def _path(self, ends: _Ends, overrides: Mapping[str, Array], stack: StackedSystem) -> _Between:
+        """Return what lies between two ends, or around a loop that is opened."""
+        if len(ends) == 1:
+            opened = self._diagram.realize_stack(overrides, open_at=ends[0])
+            return _Between.of(opened, "loop", "loop", sign=-1.0)
+        return _Between.of(stack, *ends, sign=1.0)
 
     def _is_measured(self, request: MetricRequest) -> bool:
         if request.opened_besides or not request.as_told(self._diagram):
@@ -81,23 +101,15 @@ class FrequencyBatch:
             return True
         return request.mask is not None and (request.metric in LOOP_MASKS or request.metric in PATH_MASKS)
 
-    def _read(
-        self, stack: StackedSystem, opened: Mapping[Opening | None, StackedSystem], here: Array, found: Screened
-    ) -> None:
+    def _read(self, between: _Between, columns: list[int], here: Array, growth: Array, found: Screened) -> None:
         """Enter the metrics of the candidates ``here``, which are stable."""
-        scans: dict[tuple[object, ...], tuple[Path, Scan]] = {}
-        for index, request in enumerate(self._requests):
-            if not self.measured[index]:
-                continue
+        path = between.balanced(here)
+        scan = Scan(path)
+        # What is slower than the lowest frequency of the table crosses and bends below it.
+        slow = np.abs(growth[here]) < scan.frequencies[:, 0]
+        for index in columns:
+            request = self._requests[index]
             loop = _is_loop(request)
-            key = (request.open_at,) if loop else (request.source, request.target)
-            if key not in scans:
-                if loop:
-                    path = _path(opened[request.open_at], here, "loop", "loop", sign=-1.0)
-                else:
-                    path = _path(stack, here, str(request.source), str(request.target), sign=1.0)
-                scans[key] = path, Scan(path)
-            path, scan = scans[key]
             if request.mask is not None:
                 quantity = (LOOP_MASKS if loop else PATH_MASKS)[request.metric]
                 read = ratio(path, scan, request.mask, quantity)
@@ -105,8 +117,6 @@ class FrequencyBatch:
                 metric = LOOP_METRICS[request.metric] if loop else PATH_METRICS[request.metric]
                 read = metric(path, scan)
             found.values[here, index] = read.value if np.iscomplexobj(found.values) else read.value.real
-            # What is slower than the lowest frequency of the table crosses and bends below it.
-            slow = np.abs(found.growth[here]) < scan.frequencies[:, 0]
             found.doubtful[here, index] = read.doubtful | slow
 
 
@@ -114,17 +124,41 @@ def _is_loop(request: MetricRequest) -> bool:
     return request.metric in LOOP_METRICS or request.metric in LOOP_MASKS
 
 
-def _path(stack: StackedSystem, here: Array, source: str, target: str, *, sign: float) -> Path:
-    """Return one path of the candidates ``here``, balanced."""
-    i, o = stack.inputs.index(source), stack.outputs.index(target)
-    scale = balance(stack.a[here])
-    b = np.concatenate([stack.b1[here][:, :, i : i + 1], stack.b2[here]], axis=2) / scale[:, :, None]
-    c = np.concatenate([sign * stack.c1[here][:, o : o + 1], stack.c2[here]], axis=1) * scale[:, None, :]
-    top = np.concatenate(
-        [sign * stack.d11[here][:, o : o + 1, i : i + 1], sign * stack.d12[here][:, o : o + 1]], axis=2
-    )
-    bottom = np.concatenate([stack.d21[here][:, :, i : i + 1], stack.d22[here]], axis=2)
-    return Path(
-        a=stack.a[here] * scale[:, None, :] / scale[:, :, None], b=b, c=c,
-        d=np.concatenate([top, bottom], axis=1), delays=stack.delays[here],
-    )  # fmt: skip
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Between:
+    """One path of a stack: from input ``i`` to output ``o`` through those states and delayed signals that ``kept`` numbers."""
+
+    stack: StackedSystem
+    i: int
+    o: int
+    sign: float
+    kept: npt.NDArray[np.intp]
+
+    @classmethod
+    def of(cls, stack: StackedSystem, source: str, target: str, *, sign: float) -> _Between:
+        i, o = stack.inputs.index(source), stack.outputs.index(target)
+        acts = np.block([[_any(stack.a), _any(stack.b2)], [_any(stack.c2), _any(stack.d22)]])
+        driven = np.concatenate([_any(stack.b1)[:, i], _any(stack.d21)[:, i]])
+        seen = np.concatenate([_any(stack.c1)[o], _any(stack.d12)[o]])
+        return cls(stack=stack, i=i, o=o, sign=sign, kept=between(acts, driven, seen))
+
+    def balanced(self, here: Array) -> Path:
+        """Return the path of the candidates ``here``."""
+        stack, i, o, n = self.stack, self.i, self.o, self.stack.a.shape[1]
+        x, w = self.kept[self.kept < n], self.kept[self.kept >= n] - n
+        a = stack.a[here][:, x][:, :, x]
+        scale = balance(a)
+        b = np.concatenate([stack.b1[here][:, x, i : i + 1], stack.b2[here][:, x][:, :, w]], axis=2)
+        c = np.concatenate([self.sign * stack.c1[here][:, o : o + 1, x], stack.c2[here][:, w][:, :, x]], axis=1)
+        through = self.sign * stack.d11[here][:, o : o + 1, i : i + 1], self.sign * stack.d12[here][:, o : o + 1, w]
+        late = stack.d21[here][:, w, i : i + 1], stack.d22[here][:, w][:, :, w]
+        return Path(
+            a=a * scale[:, None, :] / scale[:, :, None], b=b / scale[:, :, None], c=c * scale[:, None, :],
+            d=np.concatenate([np.concatenate(through, axis=2), np.concatenate(late, axis=2)], axis=1),
+            delays=stack.delays[here][:, w],
+        )  # fmt: skip
+
+
+def _any(matrices: Array) -> npt.NDArray[np.bool_]:
+    """Return which entries act in any member."""
+    return np.asarray((matrices != 0).any(axis=0))

@@ -23,7 +23,7 @@ from engine.batch.linear.response_requests import (
     plan_of,
     within,
 )
-from engine.batch.linear.spectra import Spectra
+from engine.batch.linear.spectra import Spectra, between
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError, UnresolvedError
 
@@ -302,18 +302,10 @@ def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, 
         acts, reached = flow[at] != 0, (driven[at] != 0).any(axis=1)
         groups: dict[bytes, tuple[Array, list[int]]] = {}
         for output, own in enumerate(seen[at] != 0):
-            kept = _between(acts, reached, own)
+            kept = between(acts, reached, own)
             groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
         found += [(np.flatnonzero(which.ravel() == k), *group) for group in groups.values()]
     return found
-
-
-def _between(acts: Flags, driven: Flags, seen: Flags) -> Array:
-    """Return the states that a command reaches and from which an output is reached."""
-    for _ in range(len(acts)):
-        driven = driven | (acts @ driven)
-        seen = seen | (acts.T @ seen)
-    return np.flatnonzero(driven & seen)
 
 
 def _spans(count: int, threads: int) -> list[slice]:

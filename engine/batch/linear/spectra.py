@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.batch.linear.generator import eigenvalues_of
 
 if TYPE_CHECKING:
     from engine.model.linear_system import Array, StackedSystem
+
+Flags = npt.NDArray[np.bool_]
 
 
 class Spectra:
@@ -57,3 +60,19 @@ class Spectra:
             else:
                 self._known[key] = np.linalg.eigvals(flow)
         return self._known[key]
+
+
+def between(acts: Flags, driven: Flags, seen: Flags) -> npt.NDArray[np.intp]:
+    """Return the states and delayed signals that an input reaches and from which an output is reached.
+
+    Parameters
+    ----------
+    acts : ndarray of bool, shape (N, N)
+        Which column acts on which row.
+    driven, seen : ndarray of bool, shape (N,)
+        On which the input acts directly, and which the output sees.
+    """
+    for _ in range(len(acts)):
+        driven = driven | (acts @ driven)
+        seen = seen | (acts.T @ seen)
+    return np.flatnonzero(driven & seen)

@@ -239,3 +239,42 @@ def test_an_unstable_resonance_behind_a_delay_is_doubted(
     crossing = np.flatnonzero((opened.imag[:-1] * opened.imag[1:] < 0) & (opened.real[:-1] < 0))
     margin = measure(diagram, requests[:1], overrides={"gain": 1e-6})[0][0].value
     assert margin == pytest.approx(1 / np.abs(opened[crossing]).max(), rel=1e-4)
+
+
+@pytest.mark.parametrize("limited", [False, True])
+def test_margins_do_not_ask_for_what_no_loop_sees(limited) -> None:
+    # The angle of the shaft is read by nobody: its pole at 0 is none of the loop's.
+    blocks = {
+        "u": block("input"), "error": block("sum", signs="+-"), "law": block("pi", kp="=kp", ki=2.0),
+        "limit": block("saturation", lower=-48.0, upper=48.0) if limited else block("gain", gain=1.0),
+        "motor": block(
+            "dc_motor", resistance=0.5, inductance=1e-3, torque_constant=0.2, back_emf_constant=0.2, inertia=2e-3,
+            viscous_friction=1e-3,
+        ),
+        "seen": block("low_pass", frequency=2000.0, order=1),
+    }  # fmt: skip
+    wires = [("u", "error.in1"), ("error", "law"), ("law", "limit"), ("limit", "motor.voltage")]
+    wires += [("motor.speed", "seen"), ("seen", "error.in2")]
+    diagram = compile_system(
+        System(
+            parameters={"kp": Parameter(value=0.2)}, blocks=blocks, outputs={"speed": "motor.speed"},
+            connections=tuple(Connection(source=a, target=b) for a, b in wires),
+        )
+    )  # fmt: skip
+    requests = [
+        *(MetricRequest(metric=metric, open_at="error") for metric in LOOP),
+        MetricRequest(metric="resonance_peak", source="u", target="speed"),
+    ]
+    gains = np.array([0.05, 0.3, 2.0, 5.0, 300.0])
+    screened = FrequencyBatch(diagram, requests)({"kp": gains})
+    assert not screened.doubtful.any()
+    assert (screened.growth < 0).tolist() == [True] * 4 + [False]
+    moved = FrequencyBatch(diagram, requests)({"kp": gains * (1 + 1e-30j)})
+    for k, gain in enumerate(gains[:4]):
+        exact = measure(diagram, requests, overrides={"kp": gain}, gradient=["kp"])
+        values = [measured.value for measured, _ in exact]
+        finite = np.isfinite(values)
+        assert screened.values[k] == pytest.approx(values, rel=1e-9)
+        slopes = np.array([slopes.values[0] for _, slopes in exact])
+        assert (moved.values[k].imag / 1e-30)[finite] == pytest.approx(slopes[finite] * gain, rel=1e-6, abs=1e-9)
+    assert measure(diagram, requests, overrides={"kp": 300.0})[0][0].value is None

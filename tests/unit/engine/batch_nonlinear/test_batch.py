@@ -74,12 +74,16 @@ def test_a_value_outside_its_bounds_does_not_exist():
     assert np.isnan(found.values[1, 0])
 
 
-def test_frequency_metrics_are_left_to_the_exact_path():
+def test_frequency_metrics_are_read_where_the_diagram_rests():
+    diagram, gains = limited(), np.array([2.0, 3.0])
     asked = [*requests("peak"), MetricRequest(metric="phase_margin", open_at="law")]
-    found = Screening(limited(), asked)({"kp": np.array([2.0, 3.0])})
-    assert found.doubtful.tolist() == [[False, True], [False, True]]
+    found = Screening(diagram, asked)({"kp": gains})
+    assert not found.doubtful.any()
+    for gain, values in zip(gains, found.values, strict=True):
+        (margin, _) = measure(diagram, asked[1:], overrides={"kp": gain})[0]
+        assert values[1] == pytest.approx(margin.value, rel=1e-9)
     with pytest.raises(UnsuitableError, match="no metric of a response in time"):
-        NonlinearBatch(limited(), ["kp"], asked[1:])
+        NonlinearBatch(diagram, ["kp"], asked[1:])
 
 
 def test_laws_that_are_no_formulas_take_the_exact_path():
