@@ -60,8 +60,11 @@ class FrequencyBatch:
         complex_lanes = any(np.iscomplexobj(values) for values in overrides.values())
         found = Screened.unknown(len(stack.valid), len(self._requests), dtype=complex if complex_lanes else float)
         found.valid[:] = stack.valid
-        worst, known = np.full((2, len(stack.valid)), -np.inf)
-        for ends, columns in self._alike().items():
+        groups = self._alike()
+        worst, known = np.full((2, len(stack.valid)), -np.inf if groups else np.nan)
+        if not groups and here.size:  # what others are asked for is a matter of the whole
+            worst[here] = growth_of(spectra.roots(here))
+        for ends, columns in groups.items():
             path = self._path(ends, overrides, stack)
             own = np.full(len(stack.valid), np.nan)
             if path.kept.size:

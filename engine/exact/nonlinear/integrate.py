@@ -52,7 +52,11 @@ TOLERANCE: Final = 1e-11
 """What the polynomial of a step may miss, relative to the largest value of each state so far."""
 
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
-_ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
+_ALMOST_NOTHING, _PATIENCE = (
+    1e-3,
+    8,
+)  # what a step must miss of the tolerance to be doubled, and how many follow a refusal
+_LITTLE, _LONG = 0.1, 12  # what rounding may be all of: then a doubled step is tried after so many of one width
 _RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
 _EARLY = 1e-3
 _PUNCTUAL, _ROUNDED = 1e-12, 1e-14
@@ -318,7 +322,10 @@ class Integration:
             return min(4.0, max(0.3, float(0.85 * max(step.miss, 1e-12) ** (-1 / self._stepper.order))))
         # widths are powers of two, and what is missed may be no more than rounding: try, but not after each refusal
         self._refused -= 1
-        return 2.0 if step.miss <= _ALMOST_NOTHING and self._refused < 0 else 1.0
+        if (step.miss <= _ALMOST_NOTHING and self._refused < 0) or (step.miss <= _LITTLE and self._refused < -_LONG):
+            self._refused = 0
+            return 2.0
+        return 1.0
 
     def _solved(self, width: float, gap: float) -> tuple[Step, float]:
         """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from engine.diagram.diagram import compile_system
 from engine.elements import catalogue
 from engine.elements._nonlinear import Moment, NonlinearElement, slopes, stacked
 from engine.exact.laws.straight import Maps
+from engine.exact.nonlinear import response as nonlinear
 from engine.exact.nonlinear.integrate import Integration
 from engine.signals import make
 from tests.unit.engine.diagrams import block, document
@@ -121,3 +123,28 @@ def test_a_state_at_rest_stays_exactly_where_it_is():
     assert straight is not None
     names = system.states - system.linear_states
     assert set(range(system.linear_states, system.linear_states + names)) <= set(straight.still.tolist())
+
+
+def test_a_slow_tail_behind_fast_dynamics_takes_few_steps():
+    # Poles from 0.05 to 500 rad/s: what rounding leaves of the fast ones looked like something that moves.
+    diagram = compile_system(
+        document(
+            blocks={
+                "r": block("input"), "error": block("sum", signs="+-"),
+                "law": block("pid", kp=20.0, ki=1.0, kd=1.0, filter_frequency=500.0),
+                "limit": block("saturation", lower=-1e4, upper=1e4),
+                "drive": block("transfer_function", numerator=[20.0], denominator=[0.02, 1.2, 4.0]),
+                "position": block("integrator"),
+            },
+            wires=["r -> error.in1", "error -> law", "law -> limit", "limit -> drive", "drive -> position",
+                   "position -> error.in2"],
+            outputs={"y": "position"},
+        )
+    )  # fmt: skip
+    found = nonlinear.respond(diagram.laws(), {"r": make("step", {})}, 700.0, 700.0)
+    assert found.outcome.steps < 400
+    linear = diagram.realize()
+    times = np.geomspace(1e-3, 600.0, 60)
+    joint = np.block([[linear.a, linear.b1], [np.zeros((1, len(linear.a) + 1))]])
+    expected = [(linear.c1 @ expm(joint * t)[:-1, -1])[0] for t in times]
+    assert found.output("y").sample(times) == pytest.approx(expected, abs=1e-11)
