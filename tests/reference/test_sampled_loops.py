@@ -17,6 +17,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from engine.analysis.evaluation import Evaluation
+from engine.analysis.frequency_study import FrequencyStudy
 from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import frequency_response, simulate
 from engine.diagram.diagram import Diagram, compile_system
@@ -217,14 +218,27 @@ def test_poles_are_the_eigenvalues_of_the_map(axis):
         assert np.abs(z - value).min() < 1e-8
 
 
-def test_a_loop_that_diverges_is_called_unstable():
+@dataclass(frozen=True)
+class Diverging:
+    """An axis whose speed gains are `factor` times as large, a fifth above the margin, and its loop cut at f."""
+
+    factor: float
+    moved: dict[str, float]
+    cut: FrequencyStudy
+
+
+@pytest.fixture(scope="module")
+def diverging() -> Diverging:
     axis = AXES[0]
-    up = measure(axis.diagram, [MetricRequest(metric="gain_margin_up", open_at="f")])[0][0].value
-    factor = 1.2 * up
+    factor = 1.2 * measure(axis.diagram, [MetricRequest(metric="gain_margin_up", open_at="f")])[0][0].value
     moved = {"speed.kp": factor * axis.kp, "speed.ki": factor * axis.ki}
-    assert axis.radius(k_speed=factor) > 1
-    for asked in ({"open_at": "f"}, {"source": "r", "target": "y"}):
-        found = frequency_response(axis.diagram, overrides=moved, **asked)
+    return Diverging(factor, moved, frequency_response(axis.diagram, open_at="f", overrides=moved))
+
+
+def test_a_loop_that_diverges_is_called_unstable(diverging):
+    axis, moved = AXES[0], diverging.moved
+    assert axis.radius(k_speed=diverging.factor) > 1
+    for found in (diverging.cut, frequency_response(axis.diagram, overrides=moved, source="r", target="y")):
         assert found.verdict is Verdict.UNSTABLE
     (margin, _), (damping, _) = measure(
         axis.diagram,
@@ -236,16 +250,14 @@ def test_a_loop_that_diverges_is_called_unstable():
     assert damping.value < 0
 
 
-def test_simulation_response_and_search_all_refuse_speed_gains_that_diverge():
-    axis = AXES[0]
-    up = measure(axis.diagram, [MetricRequest(metric="gain_margin_up", open_at="f")])[0][0].value
-    assert replace(axis, kp=1.2 * up * axis.kp, ki=1.2 * up * axis.ki).radius() > 1
-    moved = {"speed.kp": 1.2 * up * axis.kp, "speed.ki": 1.2 * up * axis.ki}
+def test_simulation_response_and_search_all_refuse_speed_gains_that_diverge(diverging):
+    axis, moved, up = AXES[0], diverging.moved, diverging.factor / 1.2
+    assert replace(axis, kp=moved["speed.kp"], ki=moved["speed.ki"]).radius() > 1
     run = simulate(
         axis.diagram, signals={"r": make("pulse", {"width": 0.002})}, overrides=moved, duration=0.05, metrics=()
     )
     assert run.verdict is Verdict.UNSTABLE
-    assert frequency_response(axis.diagram, open_at="f", overrides=moved).verdict is Verdict.UNSTABLE
+    assert diverging.cut.verdict is Verdict.UNSTABLE
     problem = Problem(
         diagram=axis.diagram,
         variables=(Variable(parameter="speed.kp", lower=axis.kp, upper=2 * up * axis.kp),),
