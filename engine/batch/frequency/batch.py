@@ -61,18 +61,14 @@ class FrequencyBatch:
         found = Screened.unknown(len(stack.valid), len(self._requests), dtype=complex if complex_lanes else float)
         found.valid[:] = stack.valid
         groups = self._alike()
-        worst, known = np.full((2, len(stack.valid)), -np.inf if groups else np.nan)
-        if not groups and here.size:  # what others are asked for is a matter of the whole
-            worst[here] = growth_of(spectra.roots(here))
+        worst, known = np.full((2, len(stack.valid)), -np.inf)
+        if not groups:  # what others are asked for is a matter of the whole
+            worst = _growth(spectra, np.arange(spectra.flow.shape[1]))
         for ends, columns in groups.items():
             path = self._path(ends, overrides, stack)
-            own = np.full(len(stack.valid), np.nan)
-            if path.kept.size:
-                own[here] = growth_of(spectra.roots(here, path.kept)) if here.size else np.nan
-            else:
-                # Nothing moves by itself: there is no frequency to begin a scan at.
-                own[stack.valid] = -np.inf
+            own = _growth(spectra, path.kept)
             worst, known = np.maximum(worst, own), np.fmax(known, own)
+            # Where nothing moves by itself there is no frequency to begin a scan at.
             found.doubtful[:, columns] = (stack.valid & ~np.isfinite(own))[:, None]
             stable = here[np.isfinite(own[here]) & (own[here] < 0)]
             for start in range(0, len(stable), _CHUNK):
@@ -160,6 +156,16 @@ class _Between:
             d=np.concatenate([np.concatenate(through, axis=2), np.concatenate(late, axis=2)], axis=1),
             delays=stack.delays[here][:, w],
         )  # fmt: skip
+
+
+def _growth(spectra: Spectra, kept: npt.NDArray[np.intp]) -> Array:
+    """Return the growth of the part that consists of these states and delayed signals, (B,): NaN where it is not known."""
+    growth = np.full(len(spectra.stack.valid), np.nan)
+    if not kept.size:
+        growth[spectra.stack.valid] = -np.inf
+    elif kept[0] < spectra.stack.a.shape[1] and spectra.told.size:  # of delays alone the exact path knows
+        growth[spectra.told] = growth_of(spectra.roots(spectra.told, kept))
+    return growth
 
 
 def _any(matrices: Array) -> npt.NDArray[np.bool_]:

@@ -278,3 +278,26 @@ def test_margins_do_not_ask_for_what_no_loop_sees(limited) -> None:
         slopes = np.array([slopes.values[0] for _, slopes in exact])
         assert (moved.values[k].imag / 1e-30)[finite] == pytest.approx(slopes[finite] * gain, rel=1e-6, abs=1e-9)
     assert measure(diagram, requests, overrides={"kp": 300.0})[0][0].value is None
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_path_of_delays_alone_is_left_to_the_exact_path(closed) -> None:
+    wires = ["u -> error.in1", "error -> k", "k -> d", "d -> lag", *(["d -> error.in2"] if closed else [])]
+    diagram = compile_system(
+        document(
+            blocks={
+                "u": block("input"), "error": block("sum", signs="+-" if closed else "+"), "k": block("gain", gain="=k"),
+                "d": block("delay", time=0.1), "lag": block("low_pass", frequency=5.0, order=1),
+            },
+            wires=wires, outputs={"y": "d", "z": "lag"}, k=0.5,
+        )
+    )  # fmt: skip
+    requests = [MetricRequest(metric="resonance_peak", source="u", target=output) for output in ("y", "z")]
+    requests += [MetricRequest(metric="gain_margin", open_at="error")] if closed else []
+    screened = FrequencyBatch(diagram, requests)({"k": np.array([0.5, 0.8])})
+    assert screened.doubtful[:, 0].all()
+    assert not screened.doubtful[:, 1].any()
+    for row, gain in zip(screened.values, (0.5, 0.8), strict=True):
+        exact = [measured.value for measured, _ in measure(diagram, requests, overrides={"k": gain})]
+        known = ~np.isnan(row)
+        assert row[known] == pytest.approx(np.array(exact, dtype=float)[known], rel=1e-9)
