@@ -166,7 +166,7 @@ def test_a_wire_follows_the_port_of_a_sum_at_once(page: Page, system) -> None:
     expect(port).to_have_class(re.compile("react-flow__handle-left"))
     page.get_by_label("in2 gets").select_option("plant")
     expect(port).to_have_class(re.compile("react-flow__handle-bottom"))
-    page.wait_for_function(f"({_APART})() < 12")
+    page.wait_for_function(f"() => ({_APART})() < 12")
 
 
 def test_copies_renames_and_signals(page: Page, system) -> None:

@@ -144,8 +144,10 @@ def test_what_a_dead_executor_has_left_is_done(engine: DBOS, gate: Gate, fresh_d
 
 
 def test_a_process_at_rest_asks_once_for_what_does_not_change(
-    engine: DBOS, gate: Gate, fresh_database: Database
+    engine: DBOS, gate: Gate, fresh_database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # However long the looks below take.
+    monkeypatch.setattr(private_calls, "_SELDOM", 3600.0)
     elected = threading.Event()
     private_calls.rest(engine, elected.is_set)
     with engine._sys_db.background_job_lock("a job") as acquired:
