@@ -27,7 +27,8 @@ export function KeptPage() {
   const kept = useQuery({ queryKey: ["result", id], staleTime: Infinity, queryFn: () => must(api.GET("/v1/results/{identifier}", { params: { path: { identifier: id } } })) });
   const of = useQuery({ ...systemQuery(kept.data?.system?.id ?? ""), enabled: kept.data?.system != null, retry: false });
   if (kept.isError) return <ProblemAlert error={kept.error} m="md" onRetry={() => void kept.refetch()} />;
-  if (!kept.data) return null;
+  // Without the name of its system, whose length is not known, what is below the head would move when that comes.
+  if (!kept.data || of.isLoading) return null;
   const { kind, created_at, system, request } = kept.data;
   const dataset = typeof request?.dataset === "string" ? request.dataset : null;
   return (

@@ -36,7 +36,8 @@ export function JobPage() {
     onSuccess: () => queries.invalidateQueries({ queryKey: ["job", id] }),
   });
   if (job.isError) return <ProblemAlert error={job.error} m="md" onRetry={() => void job.refetch()} />;
-  if (!job.data) return null;
+  // Without the name of its system, whose length is not known, what is below the head would move when that comes.
+  if (!job.data || of.isLoading) return null;
   const { kind, status, system } = job.data;
   const best = followed.best.at(-1);
   return (
