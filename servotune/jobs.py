@@ -185,7 +185,13 @@ class Job(Generic[ResultT]):
         """Return a standalone Python script that repeats an optimisation, and compares what it finds with the result."""
         return self._transport.send("GET", f"/v1/jobs/{self.id}/script").text
 
-    def report(self, form: Literal["html", "pdf"] = "html", path: Path | str | None = None) -> bytes:
+    def report(
+        self,
+        form: Literal["html", "pdf"] = "html",
+        path: Path | str | None = None,
+        *,
+        language: Literal["en", "ro"] = "en",
+    ) -> bytes:
         """Return a report of the job that needs no other file: one HTML page, or a PDF.
 
         It says who asked for what, what came out with figures, certificate and warnings, and what it was made from.
@@ -195,6 +201,8 @@ class Job(Generic[ResultT]):
         form : {"html", "pdf"}, optional
         path : pathlib.Path or str, optional
             Where it is written, too.
+        language : {"en", "ro"}, optional
+            English or Romanian; what people wrote and the service advised stays as it is.
 
         Raises
         ------
@@ -203,7 +211,7 @@ class Job(Generic[ResultT]):
         ValueError
             Nothing can be written at ``path``; nothing is asked of the service then.
         """
-        return report_of(self._transport, f"/v1/jobs/{self.id}", form, path)
+        return report_of(self._transport, f"/v1/jobs/{self.id}", form, path, language)
 
     def _take(self, event: Event) -> None:
         """Take an event into the state: its data is the bare value or an object that holds it."""

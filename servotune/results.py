@@ -14,6 +14,7 @@ from servotune.targets import target_of
 from servotune.transport import Transport
 
 Form = Literal["html", "pdf"]
+Language = Literal["en", "ro"]
 
 
 class KeptResult(Reply):
@@ -50,12 +51,14 @@ class Results:
         """Yield the kept results, or those of one kind ("simulation", "spectrum", "frf" ...) and time, newest first, without their bodies."""
         return self._transport.items("/v1/results", KeptResult, params=given(kind=kind, after=after, before=before))
 
-    def report(self, result: str, form: Form = "html", path: Path | str | None = None) -> bytes:
+    def report(
+        self, result: str, form: Form = "html", path: Path | str | None = None, *, language: Language = "en"
+    ) -> bytes:
         """Return a report of a kept result that needs no other file, as `Job.report` does."""
-        return report_of(self._transport, f"/v1/results/{result}", form, path)
+        return report_of(self._transport, f"/v1/results/{result}", form, path, language)
 
 
-def report_of(transport: Transport, place: str, form: Form, path: Path | str | None) -> bytes:
+def report_of(transport: Transport, place: str, form: Form, path: Path | str | None, language: Language) -> bytes:
     """Return the report of what is at this place of the service, and write it where that is wanted.
 
     Raises
@@ -66,7 +69,7 @@ def report_of(transport: Transport, place: str, form: Form, path: Path | str | N
         Nothing can be written at ``path``; nothing is asked of the service then.
     """
     target = None if path is None else target_of(path, "path")
-    found = transport.send("GET", f"{place}/report", params={"format": form}).content
+    found = transport.send("GET", f"{place}/report", params={"format": form, "language": language}).content
     if target is not None:
         target.write_bytes(found)
     return found

@@ -11,6 +11,7 @@ from api.http.auth import Reader
 from api.http.calls import InstallationDep, recalled
 from api.services.operation.app_context import Caller
 from api.services.reports import reports
+from api.services.reports.language import Language
 from storage.jobs.compute import ComputeJob
 
 router = APIRouter(prefix="/v1")
@@ -36,11 +37,16 @@ class Writer:
         service: InstallationDep,
         http: Request,
         form: Annotated[reports.Form, Query(alias="format", description="one HTML file, or a PDF")] = "html",
+        language: Annotated[
+            Language,
+            Query(description="what it is written in; what people wrote and the service advised stays as it is"),
+        ] = "en",
     ) -> None:
         self._caller: Caller = caller
         self._service = service
         self._http = http
         self._form: reports.Form = form
+        self._language: Language = language
 
     async def write(self, of: reports.Of, identifier: str) -> Report:
         """Return the file; 409 where there is nothing to report of."""
@@ -55,7 +61,7 @@ class Writer:
             kind=reports.KIND,
             body={
                 "settings": self._service.settings,
-                "wanted": {"of": of, "identifier": identifier, "form": self._form},
+                "wanted": {"of": of, "identifier": identifier, "form": self._form, "spoken": self._language},
             },
             workspace_id=self._caller.workspace,
             database_url=self._service.database.url,
@@ -63,7 +69,10 @@ class Writer:
         )
         async with recalled(self._http.receive) as recall:
             found = await self._service.computing.in_child(job, self._caller.principal, recall=recall)
-        headers = {"Content-Disposition": f'attachment; filename="report_{identifier}.{self._form}"'}
+        headers = {
+            "Content-Disposition": f'attachment; filename="report_{identifier}.{self._form}"',
+            "Content-Language": self._language,
+        }
         return Report(found["report"], media_type=reports.MEDIA_TYPES[self._form], headers=headers)
 
 

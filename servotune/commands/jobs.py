@@ -81,15 +81,18 @@ def script(client: Client, *, job: str) -> None:
     "--html", "form", flag_value="html", default=True, help="One page that needs no other file (the default)."
 )
 @click.option("--pdf", "form", flag_value="pdf", help="Pages of A4.")
+@click.option("--language", type=click.Choice(["en", "ro"]), default="en", help="English (the default) or Romanian.")
 @click.option("-o", "--output", type=Target(), help="File to write; report_JOB.html by default.")
 @asking
-def report(client: Client, *, job: str, form: Literal["html", "pdf"], output: Path | None) -> None:
+def report(
+    client: Client, *, job: str, form: Literal["html", "pdf"], language: Literal["en", "ro"], output: Path | None
+) -> None:
     """Write a report of a job, or of a kept result by its id: what was asked, what came out, the proof, and what it was made from."""
     target = output or Path(f"report_{job}.{form}")
     found = (
-        client.results.report(job, form, target)
+        client.results.report(job, form, target, language=language)
         if job.startswith("res_")
-        else client.jobs.get(job).report(form, target)
+        else client.jobs.get(job).report(form, target, language=language)
     )
     click.echo(f"{target}: {len(found)} bytes")
 

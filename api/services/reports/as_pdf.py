@@ -63,7 +63,7 @@ def _document(report: Report) -> FPDF:
     pdf.set_auto_page_break(auto=True, margin=_FOOT)
     pdf.set_title(f"{report.title} · {report.kind}")
     pdf.set_author(report.author)
-    pdf.set_lang("en")
+    pdf.set_lang(report.language)
     made = datetime.fromisoformat(report.made_at)
     pdf.set_creation_date(made if made.tzinfo else made.replace(tzinfo=UTC))
     pdf.add_page()

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from api.services.reports.language import choice, label, say, word, words
 from api.services.reports.model import LONGEST_SENTENCE, Part, Section, Sentence, Table, clean, table
 from api.services.reports.origins import Told
-from api.services.reports.quantities import NOTHING, plain, pretty_unit, quantity, words
+from api.services.reports.quantities import NOTHING, plain, pretty_unit, quantity
 from storage.repositories.lineage import Node
 
 _CHECKSUM = 12
@@ -29,21 +30,24 @@ def instant(at: datetime | None) -> str:
 def facts(told: Told) -> Iterator[tuple[str, str]]:
     """Yield what stands on top: the system, who asked for it, when, and the software that computed it."""
     if told.system is not None:
-        yield "System", clean(str(told.system.get("name") or NOTHING))
+        yield say("System"), clean(str(told.system.get("name") or NOTHING))
     if told.reference is not None:
-        yield "Revision", f"{told.reference['revision']} of {told.reference['id']}"
+        yield (
+            say("Revision"),
+            say("{revision} of {system}", revision=told.reference["revision"], system=told.reference["id"]),
+        )
     if told.status:
-        yield "Job", f"{told.id}, {told.status}"
+        yield say("Job"), f"{told.id}, {word(told.status)}"
     else:
-        yield "Kept as", told.id
-    yield "Asked for by", clean(told.author) or "not known any more"
-    yield "Asked for at", instant(told.created_at)
+        yield say("Kept as"), told.id
+    yield say("Asked for by"), clean(told.author) or say("not known any more")
+    yield say("Asked for at"), instant(told.created_at)
     if told.status:
-        yield "Finished at", instant(told.finished_at)
+        yield say("Finished at"), instant(told.finished_at)
     if told.started_at is not None and told.finished_at is not None:
-        yield "Took", quantity(max((told.finished_at - told.started_at).total_seconds(), 0.0), "s", 3)
+        yield say("Took"), quantity(max((told.finished_at - told.started_at).total_seconds(), 0.0), "s", 3)
     if told.versions:
-        yield "Software", ", ".join(f"{name} {number}" for name, number in told.versions.items())
+        yield say("Software"), ", ".join(f"{name} {number}" for name, number in told.versions.items())
 
 
 def sentences(texts: Iterable[str], tone: str = "plain") -> list[Part]:
@@ -52,7 +56,11 @@ def sentences(texts: Iterable[str], tone: str = "plain") -> list[Part]:
     found = list(dict.fromkeys(told for text in texts if (told := clean(text, LONGEST_SENTENCE))))
     parts: list[Part] = [Sentence(text, tone) for text in found[:_MOST_SENTENCES]]  # type: ignore[arg-type]
     if len(found) > _MOST_SENTENCES:
-        parts.append(Sentence(f"{len(found) - _MOST_SENTENCES} more are left out; the result holds all of them."))
+        parts.append(
+            Sentence(
+                say("{count} more are left out; the result holds all of them.", count=len(found) - _MOST_SENTENCES)
+            )
+        )
     return parts
 
 
@@ -60,7 +68,7 @@ def warnings(told: Told) -> list[Section]:
     """Return what the service warned of, when it was asked and when it had computed."""
     said = [*told.warned, *(told.result.get("warnings") or [])]
     found = sentences((str(one.get("detail", "")) for one in said), "warning")
-    return [Section("Warnings", found)] if found else []
+    return [Section(say("Warnings"), found)] if found else []
 
 
 def pairs(rows: Sequence[tuple[str, str]]) -> Table:
@@ -78,19 +86,25 @@ def written(value: Any, depth: int = 0) -> str:
         case None:
             text = NOTHING
         case bool():
-            text = "yes" if value else "no"
+            text = say("yes") if value else say("no")
         case int() | float():
             text = plain(float(value), 6)
         case {"value": number, "unit": str(unit)} if len(value) == 2:
             text = f"{written(number)} {pretty_unit(unit)}".rstrip()
         case dict() | list() if depth > _DEEPEST:
-            text = f"{len(value)} entries"
+            text = say("{count} entries", count=len(value))
         case dict():
-            told = [_member(str(name), one, depth) for name, one in value.items() if name != "kind"]
-            text = ", ".join([words(str(value["kind"])), *told] if "kind" in value else told)
+            # Names are the contract's where there is a kind, and somebody's own where there may be none.
+            naming = word if "kind" in value else words
+            told = [_member(naming(str(name)), one, depth) for name, one in value.items() if name != "kind"]
+            text = ", ".join([word(str(value["kind"])), *told] if "kind" in value else told)
         case list():
             several = len(value) > _MOST_VALUES
-            text = f"{len(value)} values" if several else ", ".join(written(one, depth + 1) for one in value)
+            text = (
+                say("{count} values", count=len(value))
+                if several
+                else ", ".join(written(one, depth + 1) for one in value)
+            )
         case _:
             text = str(value)
     return text
@@ -98,7 +112,19 @@ def written(value: Any, depth: int = 0) -> str:
 
 def _member(name: str, value: Any, depth: int) -> str:
     """Return "amplitude 2" of a number, "y: channel 3" of a name."""
-    return f"{words(name)}{':' if isinstance(value, str) else ''} {written(value, depth + 1)}"
+    return f"{name}{':' if isinstance(value, str) else ''} {written(value, depth + 1)}"
+
+
+def chosen(field: str, value: Any) -> str:
+    """Return the value of a field of a request as a person would write it."""
+    return choice(field, value) if isinstance(value, str) else written(value)
+
+
+def request_rows(request: Mapping[str, Any], left: Iterable[str]) -> list[tuple[str, str]]:
+    """Return what was asked for, but for the fields that are ``left`` out or were not given."""
+    return [
+        (label(name), chosen(name, value)) for name, value in request.items() if name not in left and value is not None
+    ]
 
 
 def commands(given: Any) -> str:
@@ -113,28 +139,28 @@ def lineage(told: Told) -> Section:
     parts: list[Part] = []
     if nodes:
         nodes.sort(key=lambda node: (node.created_at is None, node.created_at and instant(node.created_at), node.id))
-        columns = ("What", "Name", "Identifier", "Made at", "Facts")
+        columns = (say("What"), say("Name"), say("Identifier"), say("Made at"), say("Facts"))
         parts.append(table(columns, ([*_node(node)] for node in nodes), total=len(nodes)))
     else:
-        parts.append(Sentence("It was made from nothing that is stored: the request holds all of it."))
+        parts.append(Sentence(say("It was made from nothing that is stored: the request holds all of it.")))
     if told.lineage.truncated:
-        parts.append(Sentence("More came before; the page of the lineage leads on."))
-    return Section("Lineage", parts)
+        parts.append(Sentence(say("More came before; the page of the lineage leads on.")))
+    return Section(say("Lineage"), parts)
 
 
 def _node(node: Node) -> Iterator[str]:
-    yield words(node.kind)
-    yield node.name if node.exists else "deleted since"
+    yield word(node.kind)
+    yield (word(node.name) if node.name == node.kind else node.name) if node.exists else say("deleted since")
     yield node.id
     yield instant(node.created_at)
     known = node.facts
-    told = [str(known[key]) for key in ("format", "status") if known.get(key)]
+    told = [word(str(known[key])) for key in ("format", "status") if known.get(key)]
     if known.get("sha256"):
         told.append(f"SHA-256 {str(known['sha256'])[:_CHECKSUM]}…")
     if known.get("sample_rate"):
         told.append(f"{plain(known['sample_rate'])} Hz")
     if known.get("sample_count"):
-        told.append(f"{known['sample_count']} samples")
+        told.append(say("{count} samples", count=known["sample_count"]))
     if known.get("deleted"):
-        told.append("deleted since")
+        told.append(say("deleted since"))
     yield ", ".join(told)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from api.services.reports.language import say
 from api.services.reports.model import MOST_ROWS, Part, Sentence, table
 from api.services.reports.quantities import plain
 
@@ -27,7 +28,13 @@ def matrix(rows: Mapping[str, Mapping[str, float | None]], corner: str) -> Itera
         lines = ((label, *(shown(row.get(name)) for name in part)) for label, row in list(rows.items())[:MOST_ROWS])
         yield table((corner, *part), lines, numeric=range(1, len(part) + 1), total=len(rows))
     if len(names) > _MOST:
-        yield Sentence(f"The {_MOST} strongest of {len(names)} parameters; the result holds all of them.")
+        yield Sentence(
+            say(
+                "The {most} strongest of {count} parameters; the result holds all of them.",
+                most=_MOST,
+                count=len(names),
+            )
+        )
 
 
 def shown(value: float | None) -> str:

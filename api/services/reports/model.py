@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Literal
 
+from api.services.reports.language import say
+
 Tone = Literal["plain", "good", "warning", "bad"]
 
 MOST_ROWS = 200
@@ -74,6 +76,7 @@ class Report:
     kind: str
     author: str
     made_at: str
+    language: str = "en"
     facts: Sequence[tuple[str, str]]
     sections: Sequence[Section]
 
@@ -88,7 +91,7 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: Ite
     kept = tuple(tuple(row[i] for i in full) for row in found)
     note = ""
     if total > MOST_ROWS:
-        note = f"The first {MOST_ROWS} of {total} rows; the result holds all of them."
+        note = say("The first {most} of {total} rows; the result holds all of them.", most=MOST_ROWS, total=total)
     right = set(numeric)
     ends = frozenset(place for place, i in enumerate(full) if i in right)
     return Table(tuple(clean(columns[i]) for i in full), ends, kept, note)

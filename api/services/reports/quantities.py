@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from decimal import ROUND_HALF_UP, Context
 from typing import Any
 
+from api.services.reports.language import word
+
 _PREFIXED = frozenset({"s", "m", "V", "A", "N", "Pa", "ohm", "F", "H", "W", "J", "N*m", "m/s", "rad/s", "m/s**2"})
 """Units that take a prefix when they stand alone."""
 _STEPS = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -96,17 +98,12 @@ def measured(kind: str, found: Mapping[str, Any] | None) -> str:
     """Return a metric of a result: its value, or the verdict that stands for it."""
     if found is None:
         return NOTHING
-    word = words(str(found.get("verdict", "")))
+    verdict = str(found.get("verdict", ""))
     if found.get("value") is None:
-        return word or NOTHING
+        return word(verdict) or NOTHING
     text = metric_value(kind, found["value"], found.get("unit", ""))
-    if word in {"", "ok"}:
+    if verdict in {"", "ok"}:
         return text
     doubt = found.get("doubt")
     around = "" if doubt is None else f" ± {metric_value(kind, doubt, found.get('unit', ''))}"
-    return f"{text}{around} ({word})"
-
-
-def words(name: str) -> str:
-    """Return ``rise_time`` as "rise time"."""
-    return name.replace("_", " ")
+    return f"{text}{around} ({word(verdict)})"

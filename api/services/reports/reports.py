@@ -18,6 +18,7 @@ from api.services.optimizations import optimizations
 from api.services.reports import as_html, as_pdf, drawing
 from api.services.reports.common import facts, lineage, warnings
 from api.services.reports.kinds import identified, influenced, measured, optimized, studied, validated
+from api.services.reports.language import Language, language, say, speaking
 from api.services.reports.model import Report, Section, clean
 from api.services.reports.origins import Asked, Told, of_a_job, of_a_kept_study
 from api.services.systems.systems import compiled
@@ -75,26 +76,29 @@ def check(session: Session, caller: Caller, of: Of, identifier: str) -> None:
         jobs.result_of(job)
 
 
-def written(database: Database, workspace: str, of: Of, identifier: str, form: Form) -> bytes:
+def written(database: Database, workspace: str, of: Of, identifier: str, *, form: Form, spoken: Language) -> bytes:
     """Return the report as a file."""
     tell = of_a_job if of == "job" else of_a_kept_study
     with database.session() as session:
         told = tell(session, workspace, identifier)
-    return _WRITE[form](report_of(told))
+    with speaking(spoken):
+        return _WRITE[form](report_of(told))
 
 
 def report_of(told: Told) -> Report:
     """Return all that is said of it."""
-    kind, say = _SECTIONS[told.kind]
+    called, sections = _SECTIONS[told.kind]
+    kind = say(called)
     asked = Asked(told=told, diagram=_diagram(told))
     finished = told.finished_at or told.created_at
     return Report(
         title=clean(str((told.system or {}).get("name") or "") or kind),
-        kind=f"{kind}: report of a study",
+        kind=say("{kind}: report of a study", kind=kind),
         author=clean(told.author),
+        language=language(),
         made_at=finished.isoformat(timespec="seconds"),
         facts=list(facts(told)),
-        sections=[*warnings(told), *say(asked), lineage(told)],
+        sections=[*warnings(told), *sections(asked), lineage(told)],
     )
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from api.services.reports.drawing import COLORS, QUIET, Curve, Line, Panel, figure_of, numbers, panels, text
+from api.services.reports.language import say, words
 from api.services.reports.model import Figure, Part, Sentence
-from api.services.reports.quantities import pretty_unit, words
+from api.services.reports.quantities import pretty_unit
 from engine.analysis.frequency_study import FrequencyStudy
 
 MOST_PANELS = 8
@@ -42,17 +43,19 @@ def over_time(
     found = {output: [line for name, one in shown.items() for line in _line(name, one, output)] for output in outputs}
     end = _settled([line for lines in found.values() for line in lines])
     drawn = [
-        Panel(words(output), "time [s]", named(output, units.get(output, "")), lines, end=end)
+        Panel(words(output), say("time [s]"), named(output, units.get(output, "")), lines, end=end)
         for output, lines in found.items()
         if lines
     ]
     parts: list[Part] = []
     if drawn:
         parts.append(panels(drawn[:MOST_PANELS], caption))
-    left = [f"{len(drawn) - MOST_PANELS} more outputs"] if len(drawn) > MOST_PANELS else []
-    left += [f"{len(curves) - MOST_LINES} more variants"] if len(curves) > MOST_LINES else []
+    left = [say("{count} more outputs", count=len(drawn) - MOST_PANELS)] if len(drawn) > MOST_PANELS else []
+    left += [say("{count} more variants", count=len(curves) - MOST_LINES)] if len(curves) > MOST_LINES else []
     if left:
-        parts.append(Sentence(f"{' and '.join(left)} are not drawn; the result holds their curves."))
+        parts.append(
+            Sentence(say("{what} are not drawn; the result holds their curves.", what=say(" and ").join(left)))
+        )
     return parts
 
 
@@ -98,8 +101,8 @@ def bode(curves: Mapping[str, Mapping[str, Any]], caption: str) -> Figure | None
     if not gains:
         return None
     both = [
-        Panel("Gain", "ω [rad/s]", "gain [dB]", gains, logarithmic=True),
-        Panel("Phase", "ω [rad/s]", "phase [°]", phases, logarithmic=True),
+        Panel(say("Gain"), "ω [rad/s]", say("gain [dB]"), gains, logarithmic=True),
+        Panel(say("Phase"), "ω [rad/s]", say("phase [°]"), phases, logarithmic=True),
     ]
     return panels(both, caption, height=2.4)
 
@@ -123,7 +126,7 @@ def nyquist(curves: Mapping[str, Mapping[str, Any]], caption: str) -> Figure | N
             axes.plot(real, imag, **look)
             axes.plot(real, -imag, color=look["color"], linewidth=0.6, linestyle=(0, (2, 2)))
         axes.plot([-1], [0], "+", color=COLORS[1], markersize=9, markeredgewidth=1.6)
-        axes.set(xlabel="real part", ylabel="imaginary part", xlim=(-3, 2), ylim=(-2.2, 2.2))
+        axes.set(xlabel=say("real part"), ylabel=say("imaginary part"), xlim=(-3, 2), ylim=(-2.2, 2.2))
         axes.set_aspect("equal", adjustable="box")
         if len(lines) > 1:
             axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))

@@ -14,6 +14,7 @@ import pypdf
 import pytest
 
 import servotune
+from api.services.reports.language import romanian
 from api.services.reports.quantities import measured, metric_value, plain, quantity
 from servotune import connect
 from servotune.errors import ApiError
@@ -148,6 +149,28 @@ def test_a_report_of_an_optimisation_has_every_number_in_both_forms(client, syst
     assert "servotune 0.1.0" in facts["Software"]
     assert html.names.count("svg") == 4  # responses, Bode, Nyquist, convergence
     assert [*html.texts["h2"]][-1] == "Lineage"
+
+
+def test_a_report_is_in_the_language_that_is_asked_for(client, optimum) -> None:
+    texts = {}
+    for language in ("en", "ro"):
+        reply = client.get(place(optimum), params={"language": language})
+        assert reply.headers["Content-Language"] == language
+        assert f'<html lang="{language}">' in reply.text
+        texts[language] = Page(reply.text).texts
+    for heading in ("h2", "th", "dt", "figcaption"):
+        assert len(texts["en"][heading]) == len(texts["ro"][heading])
+        assert [text for text in texts["ro"][heading] if text in romanian()["texts"]] == [
+            text for text in texts["en"][heading] if romanian()["texts"].get(text) == text
+        ]
+    assert {"Timp de creștere", "la limita superioară", "u: treaptă, amplitudine 2"} <= set(texts["ro"]["td"])
+    assert texts["ro"]["h1"] == texts["en"]["h1"]
+    reply = client.get(place(optimum), params={"format": "pdf", "language": "ro"})
+    text = " ".join(one.extract_text() for one in pypdf.PdfReader(io.BytesIO(reply.content)).pages)
+    assert "Cum s-a cerut" in text
+    wrong = client.get(place(optimum), params={"language": "de"})
+    assert wrong.status_code == 422
+    assert "must be 'en' or 'ro', got 'de'" in wrong.json()["detail"]
 
 
 def test_what_people_wrote_is_never_part_of_the_page(client, optimum) -> None:
@@ -370,7 +393,7 @@ def test_a_script_writes_a_report(sqlite_service, optimum, tmp_path: Path) -> No
         content = job.report("pdf", tmp_path / "report.pdf")
         assert content.startswith(b"%PDF-")
         assert (tmp_path / "report.pdf").read_bytes() == content
-        assert job.report().startswith(b"<!doctype html>")
+        assert job.report(language="ro").startswith(b'<!doctype html>\n<html lang="ro">')
         long = OPTIMIZATION | {"system": LAG, "method": {"kind": "grid", "points": {"k": 1_000_000}}}
         with connect(sqlite_service.url, key=sqlite_service.keys["run"]) as starter:
             running = starter.jobs.start("optimization", long)

@@ -7,6 +7,7 @@ from typing import Any
 
 from api.services.reports.drawing import COLORS, figure_of, numbers, text
 from api.services.reports.kinds.naming import place_of, title
+from api.services.reports.language import say
 from api.services.reports.model import Figure, Part, Section, Sentence, table
 from api.services.reports.origins import Asked
 from api.services.reports.quantities import measured, plain
@@ -23,25 +24,29 @@ def front(asked: Asked) -> Iterator[Section]:
     knee = asked.result.get("knee")
     goals = asked.result["goals"]
     wanted = [i for i, goal in enumerate(asked.request.get("goals", [])) if goal.get("sense")]
-    parts: list[Part] = [Sentence(f"{len(points)} points of which none is better than another in every objective.")]
+    parts: list[Part] = [
+        Sentence(say("{count} points of which none is better than another in every objective.", count=len(points)))
+    ]
     if len(wanted) > 1:
         parts.append(_drawn(points, wanted[:2], goals, knee))
     names = list(points[0]["parameters"])
     left = max(_MOST_COLUMNS - len(wanted), 1)
     rows = (
         (
-            str(i + 1) + (" (knee)" if i == knee else ""),
+            str(i + 1) + (f" ({say('knee')})" if i == knee else ""),
             *(measured(goals[k]["metric"], point["goals"][k]) for k in wanted),
             *(plain(point["parameters"][name], 5) for name in names[:left]),
         )
         for i, point in enumerate(points)
     )
-    columns = ("Point", *(f"{title(goals[k]['metric'])} {place_of(goals[k], None)}".strip() for k in wanted))
+    columns = (say("Point"), *(f"{title(goals[k]['metric'])} {place_of(goals[k], None)}".strip() for k in wanted))
     columns = (*columns, *names[:left])
     parts.append(table(columns, rows, numeric=range(1, len(columns)), total=len(points)))
     if len(names) > left:
-        parts.append(Sentence(f"{len(names) - left} more variables are left out; the result holds them."))
-    yield Section("Front", parts)
+        parts.append(
+            Sentence(say("{count} more variables are left out; the result holds them.", count=len(names) - left))
+        )
+    yield Section(say("Front"), parts)
 
 
 def _drawn(
@@ -60,5 +65,7 @@ def _drawn(
             )
         axes.set(xlabel=text(labels[0]), ylabel=text(labels[1]))
 
-    told = ", the knee in a circle" if knee is not None else ""
-    return figure_of(draw, f"The front over two objectives{told}.", (7.1, 3.0))
+    told = say("The front over two objectives.")
+    if knee is not None:
+        told = say("The front over two objectives, the knee in a circle.")
+    return figure_of(draw, told, (7.1, 3.0))

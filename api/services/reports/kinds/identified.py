@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from api.services.reports.common import pairs, sentences, written
+from api.services.reports.common import pairs, request_rows, sentences, written
 from api.services.reports.drawing import Line, Panel, numbers, panels
+from api.services.reports.language import choice, say, word, words
 from api.services.reports.matrices import matrix
 from api.services.reports.model import Part, Section, Sentence, table
 from api.services.reports.origins import Asked
-from api.services.reports.quantities import NOTHING, plain, pretty_unit, words
+from api.services.reports.quantities import NOTHING, plain, pretty_unit
 
 _MOST_OUTPUTS = 8
 _MEASURES = {"fit_percent": "FIT", "vaf_percent": "VAF", "relative_error_percent": "Relative error", "nrmse_percent": "NRMSE"}  # fmt: skip
@@ -23,33 +24,36 @@ def sections(asked: Asked) -> Iterator[Section]:
     result = asked.result
     good = result["status"] == "converged"
     yield Section(
-        "Outcome",
+        say("Outcome"),
         [
             Sentence(
-                "The identification has converged."
+                say("The identification has converged.")
                 if good
-                else f"The identification ended as {words(result['status'])}.",
+                else say("The identification ended as {status}.", status=word(result["status"])),
                 "good" if good else "warning",
             ),
             *sentences([result.get("advice") or ""]),
         ],
     )
     if result.get("parameters"):
-        yield Section("Identified values", list(_values(result)))
+        yield Section(say("Identified values"), list(_values(result)))
     fits = list(fit_rows(result.get("fit") or {}, result.get("one_step_prediction")))
-    for name, key in (("equation of forces", "equation_error"), ("static curve", "static_fit")):
+    for name, key in ((say("equation of forces"), "equation_error"), (say("static curve"), "static_fit")):
         if result.get(key):
             fits.append((name, "", result[key]))
     for one in result.get("frequency_responses") or []:
-        fits += [(f"frequency response {one['name']}", output, judged) for output, judged in one["outputs"].items()]
+        fits += [
+            (say("frequency response {name}", name=one["name"]), output, judged)
+            for output, judged in one["outputs"].items()
+        ]
     if fits:
-        yield Section("Agreement with the recordings", [fit_table(fits)])
+        yield Section(say("Agreement with the recordings"), [fit_table(fits)])
     if result.get("tried"):
-        yield Section("What was tried", list(_tried(result)))
+        yield Section(say("What was tried"), list(_tried(result)))
     figures = _residuals(result.get("residuals") or {})
     if figures:
-        yield Section("Residuals", figures)
-    yield Section("How it was asked", [pairs(list(_settings(asked)))])
+        yield Section(say("Residuals"), figures)
+    yield Section(say("How it was asked"), [pairs(list(_settings(asked)))])
 
 
 def _values(result: Mapping[str, Any]) -> Iterator[Part]:
@@ -67,34 +71,41 @@ def _values(result: Mapping[str, Any]) -> Iterator[Part]:
                 plain(one.get("start")),
             )
         )
-    columns = ("Parameter", "Value", "Unit", "95 % interval", "", "Start")
+    columns = (say("Parameter"), say("Value"), say("Unit"), say("95 % interval"), "", say("Start"))
     yield table(columns, rows, numeric=[1, 3, 4, 5], total=len(rows))
     offsets = result.get("offsets") or {}
     if offsets:
         lines = ((name, plain(value, 5)) for name, value in offsets.items())
-        yield table(("Offset of", "Value"), lines, numeric=[1], total=len(offsets))
+        yield table((say("Offset of"), say("Value")), lines, numeric=[1], total=len(offsets))
     if len(found) > 1:
         told = result.get("indistinguishable") or []
-        yield from sentences(told, "warning") or [Sentence("The recordings tell all of these apart.")]
+        yield from sentences(told, "warning") or [Sentence(say("The recordings tell all of these apart."))]
         correlations = result.get("correlations")
         if correlations:
             names = list(found)
-            yield Sentence("Correlations of the estimates:")
+            yield Sentence(say("Correlations of the estimates:"))
             yield from matrix(
                 {n: dict(zip(names, row, strict=False)) for n, row in zip(names, correlations, strict=False)}, ""
             )
     between = result.get("between_samples")
     if between:
-        tried = ", ".join(f"{words(way)} {plain(one.get('fit_percent'), 5)} %" for way, one in between["tried"].items())
+        tried = ", ".join(
+            f"{choice('between_samples', way)} {plain(one.get('fit_percent'), 5)} %"
+            for way, one in between["tried"].items()
+        )
         yield Sentence(
-            f"Between its samples an input is taken as {words(between['chosen'])}; FIT of each way: {tried}."
+            say(
+                "Between its samples an input is taken as {way}; FIT of each way: {tried}.",
+                way=choice("between_samples", between["chosen"]),
+                tried=tried,
+            )
         )
 
 
 def _interval(value: float | None, lower: float | None, upper: float | None) -> tuple[str, str]:
     """Return the 95 % interval, and half of it beside the value."""
     if lower is None or upper is None:
-        return "not limited", NOTHING
+        return say("not limited"), NOTHING
     around = f"± {plain(50 * (upper - lower) / abs(value), 2)} %" if value else NOTHING
     return f"{plain(lower, 5)} … {plain(upper, 5)}", around
 
@@ -106,12 +117,12 @@ def fit_rows(
     for output in fit.get("estimation") or fit.get("validation") or {}:
         for part in ("estimation", "validation"):
             if output in (fit.get(part) or {}):
-                yield part, output, fit[part][output]
+                yield word(part), output, fit[part][output]
         for kind, fits in (fit.get("baselines") or {}).items():
             if output in fits:
-                yield f"without a model: {words(kind)}", output, fits[output]
+                yield say("without a model: {kind}", kind=word(kind)), output, fits[output]
         if one_step and output in one_step:
-            yield "one step ahead", output, one_step[output]
+            yield say("one step ahead"), output, one_step[output]
 
 
 def fit_table(rows: list[tuple[str, str, Mapping[str, Any]]]) -> Part:
@@ -119,7 +130,10 @@ def fit_table(rows: list[tuple[str, str, Mapping[str, Any]]]) -> Part:
     there = [key for key in _MEASURES if any(one.get(key) is not None for _, _, one in rows)]
     lines = ((part, output, *(_percent(one.get(key)) for key in there)) for part, output, one in rows)
     return table(
-        ("Part", "Output", *(_MEASURES[key] for key in there)), lines, numeric=range(2, 2 + len(there)), total=len(rows)
+        (say("Part"), say("Output"), *(say(_MEASURES[key]) for key in there)),
+        lines,
+        numeric=range(2, 2 + len(there)),
+        total=len(rows),
     )
 
 
@@ -132,47 +146,51 @@ def _tried(result: Mapping[str, Any]) -> Iterator[Part]:
     rows = []
     for one in tried:
         order = one.get("order", one.get("degree"))
-        mark = "chosen" if order == result.get("order", result.get("degree")) else ""
+        mark = say("chosen") if order == result.get("order", result.get("degree")) else ""
         rows.append((written(order), _percent(one.get("estimation")), _percent(one.get("validation")), mark))
-    yield table(("Order", "FIT, estimation", "FIT, validation", ""), rows, numeric=[0, 1, 2], total=len(rows))
+    yield table(
+        (say("Order"), say("FIT, estimation"), say("FIT, validation"), ""), rows, numeric=[0, 1, 2], total=len(rows)
+    )
 
 
 def _residuals(residuals: Mapping[str, Mapping[str, Any]]) -> list[Part]:
     drawn, said = [], []
     for output, found in list(residuals.items())[:_MOST_OUTPUTS]:
-        white = "white" if found.get("white") else "not white: the model leaves dynamics out"
-        apart = "independent of the inputs" if found.get("independent") else "not independent of the inputs"
+        white = say("white") if found.get("white") else say("not white: the model leaves dynamics out")
+        apart = say("independent of the inputs") if found.get("independent") else say("not independent of the inputs")
         said.append(f"{output}: {white}; {apart}.")
         values = numbers(found.get("autocorrelation"))
         if values.size > 1 and np.isfinite(values[1:]).any():
             lags, bound = np.arange(1.0, values.size), found.get("autocorrelation_bound")
-            lines = [Line("autocorrelation", lags, values[1:])]
+            lines = [Line(say("autocorrelation"), lags, values[1:])]
             if bound is not None:
-                lines += [Line("99 % bounds of chance", np.append(lags, [np.nan, *lags]), np.append(np.full(lags.size, bound), [np.nan, *np.full(lags.size, -bound)]))]  # fmt: skip
-            drawn.append(Panel(words(output), "lag [samples]", "correlation", lines))
+                lines += [Line(say("99 % bounds of chance"), np.append(lags, [np.nan, *lags]), np.append(np.full(lags.size, bound), [np.nan, *np.full(lags.size, -bound)]))]  # fmt: skip
+            drawn.append(Panel(words(output), say("lag [samples]"), say("correlation"), lines))
     parts: list[Part] = sentences(said)
     if drawn:
-        parts.append(panels(drawn, "Autocorrelation of the residuals, lag 0 left out."))
+        parts.append(panels(drawn, say("Autocorrelation of the residuals, lag 0 left out.")))
     if len(residuals) > _MOST_OUTPUTS:
-        parts.append(Sentence(f"{len(residuals) - _MOST_OUTPUTS} more outputs are left out; the result holds them."))
+        parts.append(
+            Sentence(
+                say("{count} more outputs are left out; the result holds them.", count=len(residuals) - _MOST_OUTPUTS)
+            )
+        )
     return parts
 
 
 def _settings(asked: Asked) -> Iterator[tuple[str, str]]:
     request, result = asked.request, asked.result
-    yield "Method", words(str(request.get("method", "grey_box")))
+    yield say("Method"), choice("method", str(request.get("method", "grey_box")))
     if request.get("method", "grey_box") == "grey_box":
-        yield "Starts", written(request.get("starts", 1))
-        yield "Most evaluations", written(request.get("max_evaluations", 60))
-        yield "Seed", "0, always: the same request gives the same answer"
-        yield "Offsets", str(request.get("offsets", "none"))
-        yield "Initial states", str(request.get("initial_states", "rest"))
+        yield say("Starts"), written(request.get("starts", 1))
+        yield say("Most evaluations"), written(request.get("max_evaluations", 60))
+        yield say("Seed"), say("0, always: the same request gives the same answer")
+        yield say("Offsets"), choice("offsets", str(request.get("offsets", "none")))
+        yield say("Initial states"), choice("initial_states", str(request.get("initial_states", "rest")))
     left = {"system", "queue", "method", "starts", "max_evaluations", "offsets", "initial_states", "parameters"}
-    for name, value in request.items():
-        if name not in left and value is not None:
-            yield words(name).capitalize(), written(value)
+    yield from request_rows(request, left)
     for part, window in (result.get("windows") or {}).items():
         if window is not None:
-            yield f"Window of {part}", f"{plain(window[0], 6)} … {plain(window[1], 6)} s"
+            yield say("Window of {part}", part=word(part)), f"{plain(window[0], 6)} … {plain(window[1], 6)} s"
     if result.get("evaluations") is not None:
-        yield "Evaluations", str(result["evaluations"])
+        yield say("Evaluations"), str(result["evaluations"])

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from api.services.reports.common import pairs, sentences, written
+from api.services.reports.common import pairs, request_rows, sentences, written
 from api.services.reports.drawing import Line, Panel, numbers, panels
 from api.services.reports.kinds.studied import variant_names
+from api.services.reports.language import say, words
 from api.services.reports.model import Part, Section, Sentence, table
 from api.services.reports.origins import Asked
-from api.services.reports.quantities import NOTHING, plain, pretty_unit, quantity, words
+from api.services.reports.quantities import NOTHING, plain, pretty_unit, quantity
 from api.services.reports.responses import MOST_LINES, MOST_PANELS, named
 
 _OMEGA = "ω [rad/s]"
@@ -25,25 +26,25 @@ def spectrum(asked: Asked) -> Iterator[Section]:
     result, request = asked.result, asked.request
     variants = result["variants"]
     names = variant_names(variants)
-    what = _QUANTITIES[result["quantity"]]
+    what = say(_QUANTITIES[result["quantity"]])
     of = str(request.get("channel") or request.get("output") or "")
-    yield Section("Spectrum", list(_lines_of(what, of, result["unit"], names, variants)))
+    yield Section(say("Spectrum"), list(_lines_of(what, of, result["unit"], names, variants)))
     parts = [
         part
         for name, one in zip(names, variants, strict=True)
         for part in _harmonics(name, one, several=len(names) > 1)
     ]
     if parts:
-        yield Section("Harmonics", parts)
+        yield Section(say("Harmonics"), parts)
     bands = [(name, one["band"]) for name, one in zip(names, variants, strict=True) if one.get("band")]
     if bands:
         rows = ((name, f"{plain(one['value'], 5)} {pretty_unit(one['unit'])}".rstrip()) for name, one in bands)
-        measure = "Energy" if result["quantity"] == "transform" else "Mean square"
-        yield Section("In the band", [table(("Variant", measure), rows, numeric=[1], total=len(bands))])
+        measure = say("Energy") if result["quantity"] == "transform" else say("Mean square")
+        yield Section(say("In the band"), [table((say("Variant"), measure), rows, numeric=[1], total=len(bands))])
     first = variants[0]
-    facts = [("Averages", written(first.get("averages")))] if first.get("averages") is not None else []
+    facts = [(say("Averages"), written(first.get("averages")))] if first.get("averages") is not None else []
     if first.get("resolution") is not None:
-        facts.append(("Distance of lines", quantity(first["resolution"], "rad/s")))
+        facts.append((say("Distance of lines"), quantity(first["resolution"], "rad/s")))
     yield _asked(asked, facts)
 
 
@@ -57,12 +58,18 @@ def _lines_of(
         drawn += [] if line is None else [line]
     if drawn:
         panel = Panel(words(of), _OMEGA, named(what.lower(), unit), drawn, logarithmic=True)
-        yield panels([panel], f"{what} over frequency.", height=2.8)
+        yield panels([panel], say("{what} over frequency.", what=what), height=2.8)
     else:
-        yield Sentence("There is nothing to draw.")
+        yield Sentence(say("There is nothing to draw."))
     yield from sentences((str(one.get("advice") or "") for one in variants), "warning")
     if len(variants) > MOST_LINES:
-        yield Sentence(f"The first {MOST_LINES} of {len(variants)} variants; the result holds all of them.")
+        yield Sentence(
+            say(
+                "The first {most} of {count} variants; the result holds all of them.",
+                most=MOST_LINES,
+                count=len(variants),
+            )
+        )
 
 
 def _line(name: str, frequency: Any, value: Any) -> Line | None:
@@ -81,9 +88,9 @@ def _harmonics(name: str, one: Mapping[str, Any], *, several: bool) -> Iterator[
     unit = found["unit"]
     thd = NOTHING if found["thd"] is None else f"{plain(100 * found['thd'])} %"
     about = (
-        ("Fundamental", quantity(found["fundamental"], "rad/s")),
-        ("Mean", quantity(found["mean"], unit)),
-        ("Total harmonic distortion", thd),
+        (say("Fundamental"), quantity(found["fundamental"], "rad/s")),
+        (say("Mean"), quantity(found["mean"], unit)),
+        (say("Total harmonic distortion"), thd),
     )
     yield pairs(about)
     amplitudes, phases = numbers(found["amplitude"]), numbers(found["phase"])
@@ -91,7 +98,7 @@ def _harmonics(name: str, one: Mapping[str, Any], *, several: bool) -> Iterator[
         (str(i + 1), quantity(float(size), unit), f"{plain(float(np.degrees(angle)))} °")
         for i, (size, angle) in enumerate(zip(amplitudes, phases, strict=True))
     )
-    yield table(("Order", "Amplitude", "Phase"), rows, numeric=[0, 1, 2], total=amplitudes.size)
+    yield table((say("Order"), say("Amplitude"), say("Phase")), rows, numeric=[0, 1, 2], total=amplitudes.size)
 
 
 def frf(asked: Asked) -> Iterator[Section]:
@@ -100,33 +107,33 @@ def frf(asked: Asked) -> Iterator[Section]:
     outputs: Mapping[str, Mapping[str, Any]] = result["outputs"]
     doubts = [f"{output}: {doubt['detail']}" for output, one in outputs.items() for doubt in one["doubts"]]
     yield Section(
-        "Doubts",
-        sentences(doubts, "warning") or [Sentence("No systematic error was found in the measurement.", "good")],
+        say("Doubts"),
+        sentences(doubts, "warning") or [Sentence(say("No systematic error was found in the measurement."), "good")],
     )
-    yield Section("Frequency responses", list(_responses(result, outputs)))
+    yield Section(say("Frequency responses"), list(_responses(result, outputs)))
     compared = {output: one["simulated"] for output, one in outputs.items() if one.get("simulated")}
     if compared:
-        yield Section("Model and measurement", [_model(compared)])
+        yield Section(say("Model and measurement"), [_model(compared)])
     if result.get("modes"):
-        yield Section("Modes", list(_modes(result["modes"])))
+        yield Section(say("Modes"), list(_modes(result["modes"])))
     facts = [
-        ("Averages", written(result["averages"])),
-        ("Effective averages", plain(result["effective_averages"])),
-        ("Distance of lines", quantity(result["resolution"], "rad/s")),
-        ("Confidence of the bands", f"{plain(100 * result['confidence'])} %"),
+        (say("Averages"), written(result["averages"])),
+        (say("Effective averages"), plain(result["effective_averages"])),
+        (say("Distance of lines"), quantity(result["resolution"], "rad/s")),
+        (say("Confidence of the bands"), f"{plain(100 * result['confidence'])} %"),
     ]
     yield _asked(asked, facts)
 
 
 def _responses(result: Mapping[str, Any], outputs: Mapping[str, Mapping[str, Any]]) -> Iterator[Part]:
     """Yield magnitude, phase and coherence of each output, with the bounds that hold the truth and the model beside it."""
-    level = f"{plain(100 * result['confidence'])} % bounds"
+    level = say("{confidence} % bounds", confidence=plain(100 * result["confidence"]))
     for output, one in islice(outputs.items(), MOST_PANELS):
         simulated = one.get("simulated") or {}
         curves = [
-            ("measured", one["magnitude"], one["phase"]),
+            (say("measured"), one["magnitude"], one["phase"]),
             (level, _around(one["magnitude_lower"], one["magnitude_upper"]), _around(one["phase_lower"], one["phase_upper"])),
-            ("model", simulated.get("magnitude"), simulated.get("phase")),
+            (say("model"), simulated.get("magnitude"), simulated.get("phase")),
         ]  # fmt: skip
         gains, phases = [], []
         for name, magnitude, phase in curves:
@@ -139,13 +146,22 @@ def _responses(result: Mapping[str, Any], outputs: Mapping[str, Mapping[str, Any
         unit = pretty_unit(one["unit"]) or "1"
         drawn = [
             Panel(words(output), _OMEGA, f"|G| [dB, {unit}]", gains, logarithmic=True),
-            Panel("Phase", _OMEGA, "phase [°]", phases, logarithmic=True),
+            Panel(say("Phase"), _OMEGA, say("phase [°]"), phases, logarithmic=True),
         ]
-        coherence = _line("measured", result["frequency"], one.get("coherence"))
-        drawn += [] if coherence is None else [Panel("Coherence", _OMEGA, "coherence", [coherence], logarithmic=True)]
-        yield panels([panel for panel in drawn if panel.lines], f"{words(output)} over {words(result['input'])}.")
+        coherence = _line(say("measured"), result["frequency"], one.get("coherence"))
+        drawn += (
+            []
+            if coherence is None
+            else [Panel(say("Coherence"), _OMEGA, say("coherence"), [coherence], logarithmic=True)]
+        )
+        yield panels(
+            [panel for panel in drawn if panel.lines],
+            say("{output} over {input}.", output=words(output), input=words(result["input"])),
+        )
     if len(outputs) > MOST_PANELS:
-        yield Sentence(f"{len(outputs) - MOST_PANELS} more outputs are not drawn; the result holds their curves.")
+        yield Sentence(
+            say("{count} more outputs are not drawn; the result holds their curves.", count=len(outputs) - MOST_PANELS)
+        )
 
 
 def _around(lower: Any, upper: Any) -> Any:
@@ -165,14 +181,21 @@ def _model(compared: Mapping[str, Mapping[str, Any]]) -> Part:
         )
         for output, one in compared.items()
     )
-    columns = ("Output", "Median deviation", "Worst deviation", "At", "Relative error", "Lines within the bounds")
+    columns = (
+        say("Output"),
+        say("Median deviation"),
+        say("Worst deviation"),
+        say("At"),
+        say("Relative error"),
+        say("Lines within the bounds"),
+    )
     return table(columns, rows, numeric=range(1, 6), total=len(compared))
 
 
 def _modes(found: Mapping[str, Any]) -> Iterator[Part]:
     modes = found["modes"]
     if not modes:
-        yield Sentence("No mode was found.")
+        yield Sentence(say("No mode was found."))
         return
     rows = (
         (
@@ -185,9 +208,21 @@ def _modes(found: Mapping[str, Any]) -> Iterator[Part]:
         )
         for mode in modes
     )
-    columns = ("Natural frequency [rad/s]", "[Hz]", "Interval [rad/s]", "Damping ratio", "Interval", "Doubt")
+    columns = (
+        say("Natural frequency [rad/s]"),
+        "[Hz]",
+        say("Interval [rad/s]"),
+        say("Damping ratio"),
+        say("Interval"),
+        say("Doubt"),
+    )
     yield table(columns, rows, numeric=range(5), total=len(modes))
-    yield Sentence(f"The modes give the responses on their lines with a relative error of {plain(found['relative_error_percent'])} %.")  # fmt: skip
+    yield Sentence(
+        say(
+            "The modes give the responses on their lines with a relative error of {error} %.",
+            error=plain(found["relative_error_percent"]),
+        )
+    )
 
 
 def _between(lower: float | None, upper: float | None) -> str:
@@ -196,5 +231,4 @@ def _between(lower: float | None, upper: float | None) -> str:
 
 def _asked(asked: Asked, facts: Sequence[tuple[str, str]]) -> Section:
     left = {"system", "variants", "keep"}
-    told = [(words(name).capitalize(), written(value)) for name, value in asked.request.items() if name not in left]
-    return Section("How it was asked", [pairs([*told, *facts])])
+    return Section(say("How it was asked"), [pairs([*request_rows(asked.request, left), *facts])])

@@ -6,47 +6,59 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from api.services.reports import responses
-from api.services.reports.common import pairs, sentences, written
+from api.services.reports.common import pairs, request_rows, sentences
 from api.services.reports.kinds.identified import fit_table
+from api.services.reports.language import say, word, words
 from api.services.reports.model import Part, Section, Sentence, table
 from api.services.reports.origins import Asked
-from api.services.reports.quantities import plain, quantity, words
+from api.services.reports.quantities import plain, quantity
 
 
 def sections(asked: Asked) -> Iterator[Section]:
     """Yield what is said of a validation."""
     result = asked.result
     passed = result["verdict"] == "pass"
-    first = Sentence(f"The validation has {'passed' if passed else 'failed'}; its grade is {result['grade']}.", "good" if passed else "bad")  # fmt: skip
-    yield Section("Outcome", [first, *sentences([result.get("advice") or "", *(result.get("remarks") or [])])])
+    grade = word(result["grade"])
+    text = say("The validation has failed; its grade is {grade}.", grade=grade)
+    if passed:
+        text = say("The validation has passed; its grade is {grade}.", grade=grade)
+    first = Sentence(text, "good" if passed else "bad")
+    yield Section(say("Outcome"), [first, *sentences([result.get("advice") or "", *(result.get("remarks") or [])])])
     rows: list[tuple[str, str, Mapping[str, Any]]] = []
     for output, found in result["outputs"].items():
-        rows.append(("simulated", output, found))
+        rows.append((say("simulated"), output, found))
         rows += [
-            (f"without a model: {words(kind)}", output, fit) for kind, fit in (found.get("baselines") or {}).items()
+            (say("without a model: {kind}", kind=word(kind)), output, fit)
+            for kind, fit in (found.get("baselines") or {}).items()
         ]
-    yield Section("Agreement with the recording", [fit_table(rows)])
-    yield Section("Measured and simulated", list(_curves(result["outputs"])))
+    yield Section(say("Agreement with the recording"), [fit_table(rows)])
+    yield Section(say("Measured and simulated"), list(_curves(result["outputs"])))
     adjustment = result.get("adjustment")
     if adjustment:
-        yield Section("Adjusted values", [_adjusted(adjustment)])
+        yield Section(say("Adjusted values"), [_adjusted(adjustment)])
     left = {"system", "parameters", "keep", "points", "queue"}
-    told = [(words(k).capitalize(), written(v)) for k, v in asked.request.items() if k not in left and v is not None]
-    yield Section("How it was asked", [pairs(told)])
+    yield Section(say("How it was asked"), [pairs(request_rows(asked.request, left))])
 
 
 def _curves(outputs: Mapping[str, Any]) -> Iterator[Part]:
     for output, found in list(outputs.items())[: responses.MOST_PANELS]:
         curves = found.get("curves") or {}
         both = {
-            name: {"time": curves.get("time", ()), "outputs": {output: curves.get(name, ())}}
-            for name in ("measured", "simulated")
+            said: {"time": curves.get("time", ()), "outputs": {output: curves.get(name, ())}}
+            for name, said in (("measured", say("measured")), ("simulated", say("simulated")))
         }
         yield from responses.over_time(
-            both, {output: found.get("unit", "")}, f"Measured and simulated {words(output)}."
+            both, {output: found.get("unit", "")}, say("Measured and simulated {output}.", output=words(output))
         )
         begin, end = found["worst_interval"]
-        yield Sentence(f"{output} is worst from {quantity(begin, 's')} to {quantity(end, 's')}.")
+        yield Sentence(
+            say(
+                "{output} is worst from {begin} to {end}.",
+                output=output,
+                begin=quantity(begin, "s"),
+                end=quantity(end, "s"),
+            )
+        )
 
 
 def _adjusted(adjustment: Mapping[str, Any]) -> Part:
@@ -63,5 +75,5 @@ def _adjusted(adjustment: Mapping[str, Any]) -> Part:
                 f"{plain(one['lower95'])} … {plain(one['upper95'])}" if limited else "–",
             )
         )
-    columns = ("Parameter", "Theoretical", "Adjusted", "Change", "95 % interval")
+    columns = (say("Parameter"), say("Theoretical"), say("Adjusted"), say("Change"), say("95 % interval"))
     return table(columns, rows, numeric=[1, 2, 3, 4], total=len(rows))

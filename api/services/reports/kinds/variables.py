@@ -8,6 +8,7 @@ from typing import Any
 
 from api.convert.values import si
 from api.problems.documents import Problem
+from api.services.reports.language import say
 from api.services.reports.model import Part, Sentence, table
 from api.services.reports.origins import Asked
 from api.services.reports.quantities import NOTHING, quantity
@@ -30,9 +31,10 @@ def chosen_variables(asked: Asked, diagram: Diagram) -> list[Part]:
             ends.append(path)
     parts: list[Part] = []
     if ends:
-        named = ", ".join(ends[:10]) + (f" and {len(ends) - 10} more" if len(ends) > 10 else "")
-        parts.append(Sentence(f"At an end of the range: {named}. There the range decides, not the goals.", "warning"))
-    columns = ("Variable", "Start", "Best", "Lower", "Upper", "", "Meaning")
+        named = ", ".join(ends[:10]) + (say(" and {count} more", count=len(ends) - 10) if len(ends) > 10 else "")
+        said = say("At an end of the range: {names}. There the range decides, not the goals.", names=named)
+        parts.append(Sentence(said, "warning"))
+    columns = (say("Variable"), say("Start"), say("Best"), say("Lower"), say("Upper"), "", say("Meaning"))
     parts.append(table(columns, rows, numeric=[1, 2, 3, 4], total=len(rows)))
     return parts
 
@@ -53,11 +55,11 @@ def _row(
     lower, upper = _bound(given, "lower", info), _bound(given, "upper", info)
     free = not (given.get("choices") or given.get("expression"))
     end = end_of(value, lower, upper) if free and value is not None else ""
-    mark = {"lower": "at its lower bound", "upper": "at its upper bound"}.get(end, "")
+    mark = {"lower": say("at its lower bound"), "upper": say("at its upper bound")}.get(end, "")
     if given.get("expression"):
-        mark = f"tied: {given['expression']}"
+        mark = say("tied: {expression}", expression=given["expression"])
     elif given.get("choices"):
-        mark = f"one of {len(given['choices'])} values"
+        mark = say("one of {count} values", count=len(given["choices"]))
     start = _bound(given, "start", info)
     shown = (quantity(start, unit, 5), quantity(value, unit, 5), quantity(lower, unit), quantity(upper, unit))
     return (
