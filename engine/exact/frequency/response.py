@@ -15,7 +15,7 @@ from scipy.linalg import eigvals
 
 from engine.exact.frequency.poles import Poles, poles
 from engine.exact.frequency.roots import roots
-from engine.exact.frequency.transfer_function import SILENT, TransferFunction
+from engine.exact.frequency.transfer_function import TransferFunction
 
 if TYPE_CHECKING:
     from engine.exact.frequency.shapes import Shape
@@ -28,6 +28,10 @@ SMALLEST_LOOP_GAIN = 1e-3
 _STRAIGHT = 0.01
 _NEAR = 0.03
 """Part of the magnitude within which a curve that is so straight may touch a level between two points of its scan."""
+_SILENT = 1e-20
+"""Below this part of 1, and of the largest magnitude, nobody looks: 400 dB."""
+_TOLD = 1e3
+"""A response bends where it does only if it is so many times what rounding may have made of it."""
 _ROUNDING = 1e-12
 _MOST_POINTS = 40_000
 
@@ -62,7 +66,6 @@ class FrequencyResponse(TransferFunction):
         self._corners = np.zeros(0, dtype=complex) if corners is None else corners
         self._needles = np.zeros(0, dtype=complex) if needles is None else needles
         self._floor = floor
-        self._silent = SILENT
 
     @classmethod
     def near(cls, system: LaneSystem, found: Poles, *, floor: float = 1e-3, solved: LaneSystem | None = None) -> Self:
@@ -124,15 +127,14 @@ class FrequencyResponse(TransferFunction):
             width = max(abs(corner.real), 1e-9 * abs(corner))
             around = abs(corner.imag) + width * np.array([-8, -4, -2, -1, -0.5, 0, 0.5, 1, 2, 4, 8])
             omega = np.concatenate([omega, around[(around > low) & (around < high)]])
-        resolved = np.inf
+        resolved, faint = np.inf, 0.0
         if total_delay:
-            turns, resolved = self._turns(low, high, total_delay)
+            turns, resolved, faint = self._turns(low, high, total_delay)
             omega = np.concatenate([omega, turns])
         omega = np.unique(omega)
         # two points that differ by rounding alone make a false summit between them, and hide the bracket of the true one
         omega = omega[np.diff(omega, prepend=0.0) > 1e-12 * omega]
-        values = self(omega)
-        return *self._refined(omega, values), resolved
+        return *self._refined(omega, faint), resolved
 
     def _extend(self, low: float, high: float) -> tuple[float, float]:
         """Move the ends until an integrator has lifted, and a roll-off has lowered, the magnitude enough."""
@@ -149,35 +151,48 @@ class FrequencyResponse(TransferFunction):
             high *= 10
         return low, high
 
-    def _turns(self, low: float, high: float, total_delay: float) -> tuple[Real, float]:
-        """Return points at equal steps of the delays' phase, as far as the magnitude matters, and how far they suffice."""
+    def _turns(self, low: float, high: float, total_delay: float) -> tuple[Real, float, float]:
+        """Return points at equal steps of the delays' phase, how far they suffice, and below which magnitude there are none."""
         coarse = np.geomspace(low, high, 400)
         magnitude = np.abs(self(coarse))
-        matters = np.flatnonzero(magnitude > 0.3 * self._floor * min(1.0, magnitude.max()))
+        faint = 0.3 * self._floor * min(1.0, magnitude.max())
+        matters = np.flatnonzero(magnitude > faint)
         last = coarse[min(matters[-1] + 1, len(coarse) - 1)] if len(matters) else high
         step = 0.2 / total_delay
         enough = step * _MOST_POINTS / 2
-        return np.arange(step, min(last, enough), step), enough if last > enough else np.inf
+        return np.arange(step, min(last, enough), step), enough if last > enough else np.inf, faint
 
-    def _refined(self, omega: Real, values: npt.NDArray[np.complex128]) -> tuple[Real, npt.NDArray[np.complex128]]:
+    def _refined(self, omega: Real, faint: float = 0.0) -> tuple[Real, npt.NDArray[np.complex128]]:
+        """Return frequencies and the response with points between neighbours where it bends, as far as rounding lets it be told.
+
+        Below ``faint`` the turns of delays are not followed, only the magnitude.
+        """
+        values, rounding = self.with_rounding(omega)
+        silent = _SILENT * min(1.0, float(np.abs(values[np.isfinite(values)]).max(initial=0.0)))
         fresh = np.ones(len(omega) - 1, dtype=bool)
         for _ in range(30):
             where = np.flatnonzero(fresh)
             if not len(where) or len(omega) > _MOST_POINTS:
                 break
             middle = np.sqrt(omega[where] * omega[where + 1])
-            between = self(middle)
+            between, unsure = self.with_rounding(middle)
+            left, right = values[where], values[where + 1]
             bent = np.zeros(len(where), dtype=bool)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 for shift in (0.0, 1.0):  # ln L and ln (1 + L): the sensitivity is sharp where L passes -1
-                    ratio = (between + shift) ** 2 / ((values[where] + shift) * (values[where + 1] + shift))
+                    ratio = (between + shift) ** 2 / ((left + shift) * (right + shift))
                     bent |= ~(np.abs(np.log(ratio)) < _STRAIGHT)
+                level = np.abs(np.log(np.abs(between) ** 2 / np.abs(left * right))) < _STRAIGHT
+            size = np.maximum(np.abs(left), np.abs(right))
             bent &= omega[where + 1] / omega[where] > 1 + 1e-9
-            bent &= ~(np.maximum(np.abs(values[where]), np.abs(values[where + 1])) < self._silent)
+            bent &= ~((size < faint) & level)
+            doubtful = np.maximum(unsure, np.maximum(rounding[where], rounding[where + 1]))
+            bent &= size > np.maximum(silent, _TOLD * doubtful)
             keep = where[bent]
             position = keep + 1
             omega = np.insert(omega, position, middle[bent])
             values = np.insert(values, position, between[bent])
+            rounding = np.insert(rounding, position, unsure[bent])
             fresh = np.zeros(len(omega) - 1, dtype=bool)
             shifted = keep + np.arange(len(keep))
             fresh[shifted] = fresh[shifted + 1] = True

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.linalg import schur
 
 from engine.exact.frequency.roots import SAME
-from engine.model.tangent import INFINITESIMAL, evened, solve
+from engine.model.tangent import INFINITESIMAL, evened, solve, solve_each
 
 if TYPE_CHECKING:
     from engine.exact.frequency.shapes import Shape
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-SILENT = 1e-100  # below, the curve of many lags in a row is rounding, and then 0
+_SILENT = 1e-100  # below, the curve of many lags in a row is rounding, and then 0
 _FEW_STATES = 40
+_EPS = float(np.finfo(float).eps)
 _MOST_NUMBERS = 2_000_000
 """Complex numbers in one chunk of an evaluation: 32 MB."""
 
@@ -47,27 +48,33 @@ class TransferFunction:
 
     def __call__(self, frequencies: Real) -> Complex:
         """Return G(jω) for ``frequencies`` in rad/s, shape (k,); infinite at a pole on the axis."""
+        return self.with_rounding(frequencies)[0]
+
+    def with_rounding(self, frequencies: Real) -> tuple[Complex, Real]:
+        """Return G(jω) and the size of what rounding may have made of it, both of shape (k,)."""
         size = self._solved.n + self._solved.m
         if not size:
-            return np.full(len(frequencies), complex(self.system.d11[0, 0, 0].real))
+            direct_gain = complex(self.system.d11[0, 0, 0].real)
+            return np.full(len(frequencies), direct_gain), np.zeros(len(frequencies))
         # a whole factorisation for each frequency holds the relative accuracy far down a roll-off; many states cost too much
         direct = size <= _FEW_STATES
         solve_some = self._factorised if direct else self._triangular
         step = max(1, int(_MOST_NUMBERS / (size * size if direct else size * (1 + self.system.m))))
-        chunks = [frequencies[k : k + step] for k in range(0, len(frequencies), step)]
+        chunks = np.split(frequencies, range(step, len(frequencies), step))
         with np.errstate(all="ignore"):
-            values = np.concatenate([solve_some(chunk) for chunk in chunks]) if chunks else np.zeros(0, complex)
-        return np.where(np.isnan(values), np.inf + 0j, values)
+            values, terms = map(np.concatenate, zip(*map(solve_some, chunks), strict=True))
+        return np.where(np.isnan(values), np.inf + 0j, values), size * _EPS * terms
 
-    def _factorised(self, frequencies: Real) -> Complex:
-        """Return G(jω) from F(jω) [x; w] = [B1; D21], factorised for each frequency."""
+    def _factorised(self, frequencies: Real) -> tuple[Complex, Real]:
+        """Return G(jω) from F(jω) [x; w] = [B1; D21], factorised for each frequency, and the size of the terms of its sum."""
         s = self._solved
         f, right, read, _ = self._equations(frequencies)
         try:
-            inner = np.linalg.solve(f, right)[..., 0]
+            inner = solve_each(f, right)[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole
             return self._triangular(frequencies)
-        return np.asarray(inner @ read + complex(s.d11[0, 0, 0].real))
+        through = complex(s.d11[0, 0, 0].real)
+        return np.asarray(inner @ read + through), np.asarray(np.abs(inner) @ np.abs(read) + abs(through))
 
     def _equations(self, frequencies: Real) -> tuple[Complex, Complex, Real, Real]:
         """Return F(jω) and its right side at each frequency, what is read of the solution, and what made the rows of one size.
@@ -99,10 +106,10 @@ class TransferFunction:
         s = self._solved
         f, right, read, rows = self._equations(frequencies)
         try:
-            inner = np.linalg.solve(f, right)[..., 0]
+            inner = solve_each(f, right)[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole: beside it, where nothing is infinite
             return self._slope(shape, frequencies * (1 + SAME))
-        outer = np.linalg.solve(f.swapaxes(1, 2), np.broadcast_to(read[:, None], (len(f), len(read), 1)))[..., 0]
+        outer = solve_each(f.swapaxes(1, 2), np.broadcast_to(read[:, None], (len(f), len(read), 1)))[..., 0]
         tau = s.delays[0].real
         rate = (
             np.concatenate([np.full((len(f), s.n), 1j), 1j * tau * np.exp(1j * frequencies[:, None] * tau)], axis=1)
@@ -112,8 +119,8 @@ class TransferFunction:
         change = -(outer * rate * inner).sum(axis=1) * INFINITESIMAL
         return np.imag(shape(value.real + 1j * change.real, value.imag + 1j * change.imag)) / INFINITESIMAL
 
-    def _triangular(self, frequencies: Real) -> Complex:
-        """Return G(jω) with A reduced to triangular form once: n² operations for each frequency in place of n³."""
+    def _triangular(self, frequencies: Real) -> tuple[Complex, Real]:
+        """Return the same with A reduced to triangular form once: n² operations for each frequency in place of n³."""
         s = self.system
         n, m = s.n, s.m
         triangle, basis = self._schur
@@ -122,16 +129,18 @@ class TransferFunction:
         for row in range(n - 1, -1, -1):
             known = (triangle[row, row + 1 :] @ x[row + 1 :]).reshape(-1, 1 + m)
             x[row] = ((right[row] + known) / (1j * frequencies - triangle[row, row])[:, None]).ravel()
-            x[row][np.abs(x[row]) < SILENT] = 0.0  # processors are slow with numbers near their smallest
-        outer = (np.concatenate([s.c1[0].real, s.c2[0].real]) @ basis @ x).reshape(1 + m, -1, 1 + m).swapaxes(0, 1)
+            x[row][np.abs(x[row]) < _SILENT] = 0.0  # processors are slow with numbers near their smallest
+        read = np.concatenate([s.c1[0].real, s.c2[0].real]) @ basis
         through = np.block([[s.d11[0].real, s.d12[0].real], [s.d21[0].real, s.d22[0].real]])
-        transfer = outer + through
+        transfer = (read @ x).reshape(1 + m, -1, 1 + m).swapaxes(0, 1) + through
+        terms = (np.abs(read) @ np.abs(x)).reshape(1 + m, -1, 1 + m).swapaxes(0, 1) + np.abs(through)
         if not m:
-            return np.asarray(transfer[:, 0, 0])
+            return np.asarray(transfer[:, 0, 0]), np.asarray(terms[:, 0, 0])
         turns = np.exp(1j * frequencies[:, None] * s.delays[0].real)
         inner = turns[:, :, None] * np.eye(m) - transfer[:, 1:, 1:]
         back = np.linalg.solve(inner, transfer[:, 1:, :1])
-        return np.asarray(transfer[:, 0, 0] + (transfer[:, :1, 1:] @ back)[:, 0, 0])
+        values = transfer[:, 0, 0] + (transfer[:, :1, 1:] @ back)[:, 0, 0]
+        return np.asarray(values), np.asarray(terms[:, 0, 0] + (terms[:, :1, 1:] @ np.abs(back))[:, 0, 0])
 
     @cached_property
     def _schur(self) -> tuple[Complex, Complex]:

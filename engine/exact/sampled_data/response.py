@@ -31,8 +31,8 @@ _CHUNK: Final = 1_000_000
 """Numbers in one block of matrices of an evaluation."""
 _MOST: Final = 256
 """Frequencies in one block."""
-_FAINT: Final = 1e-9
-"""A response below this part of 1, and of its largest value, is not followed any closer."""
+_ROUNDING: Final = 1e-12
+"""What rounding may make of a response, as a part of 1 and of its largest value."""
 
 
 class SampledResponse(FrequencyResponse):
@@ -66,6 +66,7 @@ class SampledResponse(FrequencyResponse):
         self._sign = sign
         self.loop = loop
         self._cut = cut(system, sequence=sequence)
+        self._top = 0.0
 
     @property
     def nyquist(self) -> float:
@@ -75,13 +76,19 @@ class SampledResponse(FrequencyResponse):
             return float(np.pi * len(own.read_at) / own.length[0].real)
         return float(np.pi / min(float(s.period[0].real) for s in own.system.samplings))
 
-    def __call__(self, frequencies: Real) -> Complex:
-        """Return the response at ``frequencies``, rad/s, shape (k,); of a sequence NaN beyond the Nyquist frequency."""
+    def with_rounding(self, frequencies: Real) -> tuple[Complex, Real]:
+        """Return the response at ``frequencies``, rad/s, and what rounding may have made of it, shapes (k,).
+
+        Of a sequence it is NaN beyond the Nyquist frequency.
+        """
         step = int(np.clip(_CHUNK // max(self._cut.system.n, 1) ** 2, 1, _MOST))
         parts = [self._at(frequencies[k : k + step]) for k in range(0, len(frequencies), step)]
         found = np.concatenate([re + 1j * im for re, im in parts]) if parts else np.zeros(0, complex)
         beyond = bool(self._cut.read_at) & (frequencies > self.nyquist * (1 + 1e-9))
-        return np.where(beyond, complex(np.nan, np.nan), found)
+        # where holds let nothing through, between multiples of the rate, only rounding is left
+        self._top = max(self._top, float(np.abs(found[np.isfinite(found)]).max(initial=0.0)))
+        rounding = np.full(len(frequencies), _ROUNDING * min(1.0, self._top))
+        return np.where(beyond, complex(np.nan, np.nan), found), rounding
 
     def _at(self, frequencies: Array) -> tuple[Array, Array]:
         re, im = self._sign * fundamental(self._cut.value, np.asarray(frequencies))
@@ -124,10 +131,7 @@ class SampledResponse(FrequencyResponse):
             omega = np.concatenate([omega, around[(around > low) & (around < top)]])
         omega = np.append(np.unique(omega[omega < top * (1 - 1e-9)]), top)
         omega = omega[np.diff(omega, prepend=0.0) > 1e-12 * omega]
-        values = self(omega)
-        # where holds let nothing through, between multiples of the rate, only rounding is left
-        self._silent = _FAINT * min(1.0, float(np.abs(values[np.isfinite(values)]).max(initial=0.0)))
-        return *self._refined(omega, values), np.inf
+        return *self._refined(omega), np.inf
 
     @property
     def gain_margins(self) -> tuple[list[Margin], float]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from engine.analysis.evaluation import Evaluation
+from engine.diagram.diagram import compile_system
 from engine.exact.frequency.response import FrequencyResponse
 from engine.exact.frequency.shapes import imaginary_part, squared_magnitude, squared_sensitivity
 from engine.metrics._loop import delay_margins
 from engine.model.linear_system import LaneSystem
 from engine.model.tangent import INFINITESIMAL, slopes
+from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.test_poles import companion, lanes
 from tests.unit.engine.test_trajectory import integrator_with_delay
 
@@ -74,3 +77,22 @@ def test_on_the_stability_limit_no_delay_is_borne() -> None:
     ((frequency, margin),) = delay_margins(response)
     assert frequency[0] == pytest.approx(np.sqrt(11), rel=1e-12)
     assert margin[0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.01])
+def test_a_faint_response_keeps_its_digits_and_takes_few_frequencies(late: float) -> None:
+    # a position loop reads the rate of its error; far beyond its bandwidth what it lets through lies 15 powers of ten below that
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=late),
+        "c": block("pid", kp=0.05, ki=0.05, kd=0.001, filter_frequency=500.0),
+        "motor": block("transfer_function", numerator=[100.0], denominator=[0.001, 0.05, 1.0, 0.0]),
+        "load": block("transfer_function", numerator=[1.0], denominator=[0.002, 1.0]),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "load -> e.in2", "e -> c", "c -> late", "late -> motor", "motor -> load"]
+    response = Evaluation(compile_system(document(blocks, wires, {"y": "load"}))).path("r", "y").response
+    w = np.geomspace(1e-2, 1e6, 200)
+    s = 1j * w
+    plant = 100 * np.exp(-late * s) / (s * (0.001 * s**2 + 0.05 * s + 1) * (0.002 * s + 1))
+    loop = (0.05 + 0.05 / s + 0.001 * s * 500 / (s + 500)) * plant
+    assert response(w) == pytest.approx(loop / (1 + loop), rel=1e-11, abs=0)
+    assert len(response.scan[0]) < 1000
