@@ -162,6 +162,36 @@ def test_an_identified_model_and_a_recording_are_compared(page: Page, client: ht
     expect(page).to_have_url(re.compile(r"/compare\?d=job_"))
 
 
+def test_a_design_beyond_the_first_page_of_the_list_is_found_by_its_name_and_by_going_on(
+    page: Page, client: httpx.Client
+) -> None:
+    old = made(client, "/v1/systems", LAG | {"name": "the oldest of three"})
+    for name in ("younger", "youngest"):
+        made(client, "/v1/systems", LAG | {"name": name})
+    # A page of one system: what a hundred others would do.
+    page.route(
+        "**/v1/systems?limit=100*", lambda route: route.continue_(url=route.request.url.replace("limit=100", "limit=1"))
+    )
+    page.goto("/compare")
+    page.get_by_role("button", name="Add a design").click()
+    field = page.get_by_role("combobox", name="System, optimum, model or recording")
+    field.click()
+    wanted = page.get_by_role("option", name="the oldest of three", exact=True)
+    expect(page.get_by_role("option", name="youngest", exact=True)).to_be_visible()
+    expect(wanted).to_have_count(0)
+    field.fill("oldest of")
+    wanted.click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("button", name="Add a design").click()
+    expect(page).to_have_url(re.compile(rf"/compare\?d={old}%401$"))
+    page.get_by_role("button", name="Add a design").click()
+    field.click()
+    expect(page.get_by_role("option", name="youngest", exact=True)).to_be_visible()
+    for name in ("younger", "the oldest of three"):
+        dialog.get_by_role("button", name="Show more").click()
+        expect(page.get_by_role("option", name=name, exact=True)).to_be_visible()
+
+
 def test_what_cannot_be_compared_is_told(page: Page, lag: str) -> None:
     page.goto(f"/compare?d={lag}@1&d={lag}@99&d=job_nothing")
     expect(page.get_by_role("alert").filter(has_text="job_nothing")).to_be_visible()

@@ -1,11 +1,14 @@
 import { Button, NativeSelect, Popover, Select, Stack } from "@mantine/core";
 import { useInfiniteQuery, useQuery } from "@tanstack/react-query";
-import { useState } from "react";
+import { useState, type MouseEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { jobsQuery } from "@/shared/api/jobs";
-import { datasetQuery, readyDatasets } from "@/shared/api/datasets";
+import { datasetQuery, datasetsQuery } from "@/shared/api/datasets";
 import { revisionsQuery, systemsQuery } from "@/shared/api/systems";
+import type { JobReply } from "@/shared/api/types";
 import type { DesignRef } from "@/shared/systems/compared";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { useAsked } from "@/shared/ui/useAsked";
 
 interface Props {
   full: boolean;
@@ -16,6 +19,13 @@ interface Props {
   outputs?: readonly string[];
 }
 
+const rowsOf = <Row,>(data: { pages: { items: Row[] }[] } | undefined) => data?.pages.flatMap((page) => page.items) ?? [];
+
+const stay = (event: MouseEvent) => {
+  event.preventDefault();
+  event.stopPropagation();
+};
+
 /** Chooses one more design: a revision of a system, the best of a search that has ended, an identified model; or a recording beside them. */
 export function AddDesign({ full, onAdd, onRecording, outputs = [] }: Props) {
   const { t, i18n } = useTranslation();
@@ -23,31 +33,41 @@ export function AddDesign({ full, onAdd, onRecording, outputs = [] }: Props) {
   const [of, setOf] = useState<string | null>(null);
   const [revision, setRevision] = useState("");
   const [channel, setChannel] = useState("");
-  const systems = useInfiniteQuery({ ...systemsQuery(), enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
-  const searches = useInfiniteQuery({ ...jobsQuery({ kind: "optimization" }), enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
-  const models = useInfiniteQuery({ ...jobsQuery({ kind: "identification" }), enabled: opened }).data?.pages.flatMap((page) => page.items) ?? [];
-  const recordings = useQuery({ ...readyDatasets, enabled: opened && onRecording !== undefined }).data ?? [];
-  const recording = recordings.find(({ id }) => id === of);
-  const channels = useQuery({ ...datasetQuery(of ?? ""), enabled: recording !== undefined }).data?.channels ?? [];
+  const [search, setSearch] = useState("");
+  const asked = useAsked(search);
+  const lists = {
+    systems: useInfiniteQuery({ ...systemsQuery(asked), enabled: opened }),
+    searches: useInfiniteQuery({ ...jobsQuery({ kind: "optimization" }), enabled: opened }),
+    models: useInfiniteQuery({ ...jobsQuery({ kind: "identification" }), enabled: opened }),
+    recordings: useInfiniteQuery({ ...datasetsQuery({ name: asked, status: "ready" }), enabled: opened && onRecording !== undefined }),
+  };
+  const systems = rowsOf(lists.systems.data);
+  const recordings = rowsOf(lists.recordings.data);
+  const recording = of?.startsWith("ds_") ?? false;
+  const channels = useQuery({ ...datasetQuery(of ?? ""), enabled: recording }).data?.channels ?? [];
   // A channel that is called as an output is what is compared with it.
   const measured = channel || String((channels.find((one) => outputs.includes(String(one.name))) ?? channels[0])?.name ?? "");
-  const system = systems.find(({ id }) => id === of);
-  const revisions = useQuery({ ...revisionsQuery(of ?? ""), enabled: system !== undefined }).data?.items ?? [];
-  const names = new Map(systems.map(({ id, name }) => [id, name || id]));
-  const found = (jobs: typeof searches) =>
+  const system = of?.startsWith("sys_") ?? false;
+  const revisions = useQuery({ ...revisionsQuery(of ?? ""), enabled: system }).data?.items ?? [];
+  const newest = String(Math.max(0, ...revisions.map((row) => row.revision)));
+  // Searches bear the names of their systems, also of those that what was typed leaves out.
+  const named = useInfiniteQuery({ ...systemsQuery(), enabled: opened }).data;
+  const names = new Map([...rowsOf(named), ...systems].map(({ id, name }) => [id, name || id]));
+  const found = (jobs: JobReply[]) =>
     jobs
       .filter(({ result }) => result !== null)
       .map(({ id, system: own, finished_at, created_at }) => ({ value: id, label: `${names.get(own?.id ?? "") ?? own?.id ?? id}, ${new Date(finished_at ?? created_at).toLocaleString(i18n.language, { dateStyle: "medium", timeStyle: "short" })}` }));
   const choices = [
     { group: t("nav.systems"), items: systems.map(({ id, name }) => ({ value: id, label: name || id })) },
-    { group: t("finder.kinds.optima"), items: found(searches) },
-    { group: t("compare.models"), items: found(models) },
+    { group: t("finder.kinds.optima"), items: found(rowsOf(lists.searches.data)) },
+    { group: t("compare.models"), items: found(rowsOf(lists.models.data)) },
     { group: t("panel.recordings"), items: recordings.map(({ id, name }) => ({ value: id, label: name || id })) },
   ].filter(({ items }) => items.length > 0);
+  const more = Object.values(lists).filter((list) => list.hasNextPage);
   const add = () => {
     if (of === null) return;
     if (recording) onRecording?.(of, measured);
-    else onAdd(system ? { kind: "revision", id: of, revision: Number(revision || system.revision) } : { kind: "job", id: of });
+    else onAdd(system ? { kind: "revision", id: of, revision: Number(revision || newest) } : { kind: "job", id: of });
     setOpened(false);
   };
   return (
@@ -69,11 +89,24 @@ export function AddDesign({ full, onAdd, onRecording, outputs = [] }: Props) {
               setChannel("");
             }}
             searchable
+            searchValue={search}
+            onSearchChange={setSearch}
+            rightSectionWidth={more.length > 0 ? 110 : undefined}
+            rightSectionPointerEvents="all"
+            rightSection={
+              more.length > 0 && (
+                // Beside the field, where the open list does not cover it; a press leaves the focus there, and the list open.
+                <Button variant="subtle" size="compact-xs" loading={more.some((list) => list.isFetchingNextPage)} onMouseDown={stay} onTouchStart={(event) => event.stopPropagation()} onClick={() => more.forEach((list) => void list.fetchNextPage())}>
+                  {t("systems.further")}
+                </Button>
+              )
+            }
             comboboxProps={{ withinPortal: false }}
           />
-          {system && <NativeSelect size="xs" label={t("systems.revision")} value={revision || String(system.revision)} data={revisions.map((row) => String(row.revision))} onChange={(event) => setRevision(event.currentTarget.value)} />}
+          <ProblemAlert error={Object.values(lists).find((list) => list.error)?.error} />
+          {system && <NativeSelect size="xs" label={t("systems.revision")} value={revision || newest} data={revisions.map((row) => String(row.revision))} onChange={(event) => setRevision(event.currentTarget.value)} />}
           {recording && <NativeSelect size="xs" label={t("panel.channel")} value={measured} data={channels.map((one) => ({ value: String(one.name), label: one.unit ? `${String(one.name)} [${String(one.unit)}]` : String(one.name) }))} onChange={(event) => setChannel(event.currentTarget.value)} />}
-          <Button onClick={add} disabled={of === null || (recording !== undefined && measured === "")}>
+          <Button onClick={add} disabled={of === null || (recording && measured === "") || (system && revisions.length === 0)}>
             {t(recording ? "panel.overlay" : "compare.add")}
           </Button>
         </Stack>

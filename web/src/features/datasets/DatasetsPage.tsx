@@ -1,8 +1,8 @@
 import { Button, FileButton, Stack, Text, TextInput } from "@mantine/core";
-import { keepPreviousData, useInfiniteQuery } from "@tanstack/react-query";
+import { useInfiniteQuery } from "@tanstack/react-query";
 import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { api, must } from "@/shared/api/client";
+import { datasetsQuery } from "@/shared/api/datasets";
 import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
@@ -19,13 +19,7 @@ export function DatasetsPage() {
   const [query, setQuery] = useQueryText();
   const search = query.get("q") ?? "";
   const asked = useAsked(search);
-  const datasets = useInfiniteQuery({
-    queryKey: ["datasets", "listed", asked],
-    initialPageParam: undefined as string | undefined,
-    queryFn: ({ pageParam }) => must(api.GET("/v1/datasets", { params: { query: { limit: 100, cursor: pageParam, ...(asked ? { name: asked } : {}) } } })),
-    getNextPageParam: (page) => page.next_cursor ?? undefined,
-    placeholderData: keepPreviousData,
-  });
+  const datasets = useInfiniteQuery(datasetsQuery({ name: asked }));
   const [file, setFile] = useState<File | null>(null);
   const choose = useRef<HTMLButtonElement>(null);
   const rows = datasets.data?.pages.flatMap((page) => page.items) ?? [];
