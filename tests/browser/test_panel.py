@@ -274,6 +274,15 @@ def test_the_root_locus_of_a_parameter_is_drawn_and_taken_along(page: Page, clie
 
 def test_curves_over_frequency_are_pulled_and_the_gain_follows(page: Page, client) -> None:
     system = client.post("/v1/systems", json=INTEGRATING).json()["id"]
+    fine: list[Route] = []
+
+    def keep_fine(route: Route) -> None:
+        if len(route.request.post_data_json["variants"]) > 5:
+            fine.append(route)
+        else:
+            route.continue_()
+
+    page.route("**/v1/frequency-responses", keep_fine)
     opened(page, system, "s=k&loop=error&v=bode,nyquist,nichols")
     page.get_by_role("button", name="More for k", exact=True).click()
     page.get_by_role("menuitem", name="Pull curves over frequency with it").click()
@@ -283,6 +292,13 @@ def test_curves_over_frequency_are_pulled_and_the_gain_follows(page: Page, clien
     def grip(plane: str) -> Locator:
         return page.locator(f"[data-zone='pull:{plane}']")
 
+    # A few values are enough to take hold of a curve.
+    for plane in ("bode", "nyquist", "nichols"):
+        expect(grip(plane)).to_be_visible()
+    until(lambda: fine)
+    with page.expect_response("**/v1/frequency-responses"):
+        fine[0].continue_()
+    page.unroute("**/v1/frequency-responses")
     for plane in ("bode", "nyquist", "nichols"):
         expect(grip(plane)).to_have_attribute("aria-valuetext", "k = 5")
         expect(grip(plane)).to_have_attribute("aria-label", "curve by k")
@@ -322,6 +338,17 @@ def test_curves_over_frequency_are_pulled_and_the_gain_follows(page: Page, clien
     expect(entry).not_to_have_value(f"{value:g}")
     assert float(entry.input_value()) < value
     assert faults(page) == []
+
+
+def test_why_a_curve_cannot_be_pulled_is_told(page: Page, client) -> None:
+    system = client.post("/v1/systems", json=INTEGRATING).json()["id"]
+    problem = {"type": "about:blank", "title": "Too large", "status": 422, "detail": "ask for less at a time"}
+    page.route(
+        "**/v1/frequency-responses",
+        lambda route: route.fulfill(status=422, json=problem, content_type="application/problem+json"),
+    )
+    opened(page, system, "s=k&loop=error&v=bode&pl=k")
+    expect(page.get_by_role("alert")).to_contain_text("ask for less at a time")
 
 
 def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:

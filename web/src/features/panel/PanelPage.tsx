@@ -174,7 +174,7 @@ export function PanelPage() {
   const pulls = state.pull ?? (state.loop ? gainsOf(system.document, known?.parameters ?? []).find((path) => state.sliders.includes(path)) : undefined);
   const pulled = pulls ? parameters.get(pulls) : undefined;
   const overFrequency = chosen.some((kind) => PLANES.includes(kind));
-  const family = usePull({ system: id, revision: system.revision, parameter: pulled?.bound || !overFrequency ? undefined : pulled, scale: state.scales[pulls ?? ""], values: state.values, shown: frequency as never, range });
+  const { family, error: unpulled } = usePull({ system: id, revision: system.revision, parameter: pulled?.bound || !overFrequency ? undefined : pulled, scale: state.scales[pulls ?? ""], values: state.values, shown: frequency as never, range });
   const pull = useMemo(() => family && { family, ...followed(family.path, "panel.pullOf") }, [family, followed]);
   const onPull = useCallback((value: number, done: boolean) => family && follow(family.path, value, done), [family, follow]);
   const choosePull = useCallback((path: string) => change({ pull: path }), [change]);
@@ -307,7 +307,7 @@ export function PanelPage() {
             {t("panel.lost")}
           </Alert>
         )}
-        <ProblemAlert error={live.problem ?? found.error} />
+        <ProblemAlert error={live.problem ?? found.error ?? unpulled} />
         {!known && !live.problem && live.state !== "lost" && <Busy>{t("panel.opening")}</Busy>}
         {known && <ResponsePlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} locus={locus} onLocus={onLocus} pull={pull} onPull={onPull} onGoal={onGoal} />}
       </Stack>
