@@ -1,4 +1,4 @@
-import { Anchor, Button, Group, MultiSelect, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { Anchor, Button, Group, MultiSelect, NativeSelect, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
 import { keepPreviousData, useMutation, useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
@@ -9,6 +9,7 @@ import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { CommentsButton } from "@/shared/comments/CommentsButton";
 import { ruleAndValue } from "@/shared/forms/faults";
+import { Pairs } from "@/shared/plots/Pairs";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { Curve, PlotSpec } from "@/shared/plots/types";
@@ -167,7 +168,7 @@ export function DatasetPage() {
               </Button>
             </Group>
             {names.length > 1 && <MultiSelect label={t("datasets.drawn")} data={names} value={drawn} onChange={draw} searchable maw={620} />}
-            <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm" aria-busy={channels.some(({ isPlaceholderData }) => isPlaceholderData)}>
+            <Pairs aria-busy={channels.some(({ isPlaceholderData }) => isPlaceholderData)}>
               {drawn.map((name, i) => {
                 const data = channels[i]?.data;
                 return (
@@ -176,7 +177,7 @@ export function DatasetPage() {
                   </div>
                 );
               })}
-            </SimpleGrid>
+            </Pairs>
             <section aria-busy={spectrum.isPlaceholderData}>
               <Group align="flex-end" mb="xs">
                 <Title order={2}>{t("datasets.spectrum")}</Title>

@@ -1,4 +1,4 @@
-import { Alert, Button, Checkbox, Group, List, MultiSelect, NativeSelect, Paper, SimpleGrid, Stack, Text, TextInput, Title } from "@mantine/core";
+import { Alert, Button, Checkbox, Group, List, MultiSelect, NativeSelect, Paper, Stack, Text, TextInput, Title } from "@mantine/core";
 import { useMutation, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { Controller, useForm, type UseFormRegister } from "react-hook-form";
@@ -15,6 +15,7 @@ import { readFields, writeFields } from "@/shared/forms/address";
 import { faultAt } from "@/shared/forms/faults";
 import { NumberField } from "@/shared/forms/NumberField";
 import { useAddress } from "@/shared/forms/useAddress";
+import { Pairs } from "@/shared/plots/Pairs";
 import { describedQuery } from "@/shared/systems/described";
 import { DataTable } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
@@ -185,10 +186,10 @@ export function FrfResult({ reply, body, kept }: { reply: Reply; body: Record<st
           </List>
         </Alert>
       )}
-      <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
+      <Pairs>
         <AnalysisChart spec={spec.magnitude} height={300} summary={t("spectra.magnitude")} />
         <AnalysisChart spec={spec.phase} height={300} summary={t("panel.phase")} />
-      </SimpleGrid>
+      </Pairs>
       {outputs.some(([, found]) => found.coherence) && <AnalysisChart spec={spec.coherence} height={200} summary={t("spectra.coherence")} />}
       {reply.modes && <Modes modes={reply.modes.modes} />}
     </Stack>

@@ -1,4 +1,4 @@
-import { Button, Group, NativeSelect, SimpleGrid, Text, Title } from "@mantine/core";
+import { Button, Group, NativeSelect, Text, Title } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
@@ -7,6 +7,7 @@ import { api, must } from "@/shared/api/client";
 import type { components } from "@/shared/api/schema";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisSpec } from "@/shared/charts/analysis";
+import { Pairs } from "@/shared/plots/Pairs";
 import { DataTable } from "@/shared/ui/DataTable";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { useQueryText } from "@/shared/ui/useQueryText";
@@ -86,10 +87,10 @@ function Drawn({ head, lines }: { head: FunctionHead; lines: components["schemas
   }, [head, lines, t]);
   return (
     <>
-      <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm" mb="sm">
+      <Pairs mb="sm">
         <AnalysisChart spec={size!} height={280} summary={size!.title} />
         {angle && <AnalysisChart spec={angle} height={280} summary={angle.title} />}
-      </SimpleGrid>
+      </Pairs>
       <Text fz="xs" c="dimmed" mb="sm">
         {t("functions.asInFile")}
       </Text>

@@ -1,4 +1,4 @@
-import { Alert, Button, Group, List, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
+import { Alert, Button, Group, List, Stack, Table, Text, Title } from "@mantine/core";
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
@@ -7,6 +7,7 @@ import { createSystem, saveSystem, systemQuery, systemsKey } from "@/shared/api/
 import type { SystemDocument } from "@/shared/api/types";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisSpec } from "@/shared/charts/analysis";
+import { Pairs } from "@/shared/plots/Pairs";
 import { withValues } from "@/shared/systems/apply";
 import { compareAt } from "@/shared/systems/compared";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -125,11 +126,11 @@ export function IdentificationView({ id, result }: { id: string; result: Identif
           <Title order={2} mb="xs">
             {t("found.residuals")}
           </Title>
-          <SimpleGrid cols={{ base: 1, md: 2 }}>
+          <Pairs>
             {Object.entries(result.residuals).map(([output, found]) => (
               <Residual key={output} output={output} values={found.autocorrelation} bound={found.autocorrelation_bound} white={found.white} independent={found.independent} />
             ))}
-          </SimpleGrid>
+          </Pairs>
         </section>
       )}
     </Stack>

@@ -1,10 +1,11 @@
-import { Alert, Badge, Button, Group, List, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
+import { Alert, Badge, Button, Group, List, Stack, Table, Text, Title } from "@mantine/core";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
 import type { components } from "@/shared/api/schema";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisSpec } from "@/shared/charts/analysis";
+import { Pairs } from "@/shared/plots/Pairs";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 import { FitTable } from "./FitTable";
 import { numbersOf, panelAt, type FitRow, type Fits } from "./results";
@@ -94,7 +95,7 @@ function OutputCharts({ name, output }: { name: string; output: Output }) {
       <Title order={2} mb="xs">
         {title}
       </Title>
-      <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
+      <Pairs>
         <AnalysisChart spec={curves} summary={t("found.curvesSummary", { output: title, fit: output.fit_percent == null ? "–" : formatNumber(output.fit_percent) })} />
         <AnalysisChart spec={residual} summary={t("found.residualOf", { output: title })} />
         <div>
@@ -110,7 +111,7 @@ function OutputCharts({ name, output }: { name: string; output: Output }) {
           </Text>
         </div>
         {frequency && <Frequency found={frequency} title={title} unit={unit} />}
-      </SimpleGrid>
+      </Pairs>
     </section>
   );
 }

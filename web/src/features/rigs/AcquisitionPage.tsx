@@ -7,6 +7,7 @@ import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { Problem } from "@/shared/api/problem";
 import { writeFields } from "@/shared/forms/address";
+import { Pairs } from "@/shared/plots/Pairs";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { Curve, PlotSpec } from "@/shared/plots/types";
@@ -193,11 +194,11 @@ const rounded = (_key: string, value: unknown): unknown => (typeof value === "nu
 function LivePlots({ live, units, time }: { live: Live; units: Map<string, string>; time: string }) {
   const names = Object.keys(live.channels);
   return (
-    <SimpleGrid cols={{ base: 1, lg: 2 }} data-testid="live" data-samples={live.time.length}>
+    <Pairs data-testid="live" data-samples={live.time.length}>
       {names.map((name, i) => (
         <LivePlot key={name} name={name} unit={units.get(name) ?? ""} time={time} index={i} live={live} />
       ))}
-    </SimpleGrid>
+    </Pairs>
   );
 }
 

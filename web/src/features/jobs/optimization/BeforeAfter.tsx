@@ -1,6 +1,7 @@
-import { SimpleGrid, useComputedColorScheme } from "@mantine/core";
+import { useComputedColorScheme } from "@mantine/core";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
+import { Pairs } from "@/shared/plots/Pairs";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { PlotSpec } from "@/shared/plots/types";
@@ -39,11 +40,11 @@ export function BeforeAfter({ before, after, units, between = null }: Props) {
     [before, after, units, between, dark, t],
   );
   return (
-    <SimpleGrid cols={{ base: 1, md: 2 }}>
+    <Pairs>
       {plots.map(({ spec, curves }) => (
         <Plot key={spec.title} spec={spec} curves={curves} height={220} summary={spec.title} />
       ))}
-    </SimpleGrid>
+    </Pairs>
   );
 }
 

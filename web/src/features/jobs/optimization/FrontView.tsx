@@ -1,9 +1,10 @@
-import { Group, MultiSelect, NativeSelect, SimpleGrid, Table, Text, Title, UnstyledButton, useComputedColorScheme } from "@mantine/core";
+import { Group, MultiSelect, NativeSelect, Table, Text, Title, UnstyledButton, useComputedColorScheme } from "@mantine/core";
 import { useEffect, useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
 import { Chart } from "@/shared/charts/Chart";
 import { axisOf, inks } from "@/shared/charts/inks";
+import { Pairs } from "@/shared/plots/Pairs";
 import { MetricValue } from "@/shared/ui/MetricValue";
 import { formatMetric, formatNumber, named, withUnit, words } from "@/shared/units/format";
 import type { FrontPoint, GoalResult } from "../results";
@@ -88,10 +89,10 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
         {goals.length > 1 && axis(y, (next) => put({ fx: String(next === x ? y : x), fy: String(next) }), t("jobs.upwards"))}
         <MultiSelect label={t("jobs.axes")} data={[...names, ...variables].map((name, i) => ({ value: String(i), label: name }))} value={lines.map(String)} onChange={(next) => put({ axes: next.length === 0 || next.length === goals.length + variables.length ? null : next.toSorted((a, b) => Number(a) - Number(b)).join(",") })} maw={620} />
       </Group>
-      <SimpleGrid cols={{ base: 1, md: 2 }}>
+      <Pairs>
         <Chart option={scatter} height={300} summary={t("jobs.frontSummary", { x: names[x], y: names[y] })} onPick={pick} />
         <Chart option={parallel} height={300} summary={t("jobs.parallelSummary")} onPick={pick} />
-      </SimpleGrid>
+      </Pairs>
       <Table.ScrollContainer minWidth={520} mah={360} scrollAreaProps={{ viewportProps: { tabIndex: 0, role: "group", "aria-label": t("jobs.front") } }}>
         <Table stickyHeader>
           <Table.Thead>
