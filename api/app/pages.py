@@ -62,6 +62,8 @@ def _page(request: Request) -> Response:
     index = STATIC / "index.html"
     if "text/html" not in request.headers.get("accept", "") or not index.is_file():
         raise HTTPException(404)
+    # Seconds of loading that whoever looks at pages would wait for with the first large study or report; scripts may need neither.
+    request.app.state.installation.computing.warm_up()
     nonce = secrets.token_urlsafe(16)
     return Response(
         index.read_text(encoding="utf-8").replace(_NONCE, nonce),

@@ -169,6 +169,10 @@ class Computing:
         object.__setattr__(self, "_children", Zygote(CHILD))
         _report_no_lost_alarms()
 
+    def warm_up(self) -> None:
+        """Begin to load what large studies and reports are computed with, in a process of its own; returns at once."""
+        self._children.warm_up()
+
     def close(self) -> None:
         """End every process that computes."""
         self._children.close()

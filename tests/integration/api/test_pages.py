@@ -40,6 +40,13 @@ def test_every_address_is_the_page_for_a_browser(anybody) -> None:
     assert first.headers["Cache-Control"] == "no-cache"
 
 
+def test_what_computes_reports_is_loaded_as_soon_as_somebody_looks_at_pages(sqlite_service, anybody) -> None:
+    assert anybody.get("/", headers=HTML).status_code == 200
+    computing = sqlite_service.app.state.installation.computing
+    assert computing._children.settled(60)
+    assert computing._children.warm_up_seconds is not None
+
+
 @pytest.mark.parametrize(
     ("method", "path", "status"), [("GET", "/systems", 404), ("POST", "/systems", 404), ("GET", "/v1/nothing", 401)]
 )
