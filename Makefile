@@ -18,7 +18,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup wheels release demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
+.PHONY: help setup wheels release demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-cluster bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -130,6 +130,9 @@ bench-coverage: setup  ## what a candidate costs for every metric under every co
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
 	@$(BIN)/python -m bench.service
 
+bench-cluster: setup  ## what a chunk costs on its way through a cluster, and what eight workers bring (a minute)
+	@$(BIN)/python -m bench.spreading
+
 bench-client: setup  ## the client's wheel, its installation with and without a cache, its import (a minute)
 	@$(BIN)/python -m bench.client
 
@@ -163,7 +166,7 @@ lock: setup  ## resolve the newest versions that our declarations allow into req
 	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,$(DISTRIBUTIONS)) --all-extras --group demo --group bench --group docs --group dev \
 		--upgrade $(LOCKED) --output-file requirements.lock
 	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,distributions/servotune distributions/servotune-server) \
-		$(addprefix --extra ,convex formats interop objects pareto telemetry) --constraint requirements.lock $(LOCKED) --output-file requirements-image.lock
+		$(addprefix --extra ,cluster convex formats interop objects pareto telemetry) --constraint requirements.lock $(LOCKED) --output-file requirements-image.lock
 
 clean:  ## remove the environment, caches and what the demo wrote
 	@rm -rf $(VENV) api/site .cache dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -8,12 +8,14 @@
 from __future__ import annotations
 
 import base64
+import importlib.util
 import math
 import os
 from ipaddress import IPv4Network, IPv6Network
+from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, FilePath, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from storage.objects import ADDRESS, ObjectStore
@@ -61,6 +63,11 @@ class Settings(BaseSettings):
     compute_slots: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
     worker_slots: int = Field(default=1, ge=1)
     job_memory: int = Field(default=8 << 30, ge=0)
+    cluster: str | None = Field(default=None, pattern=r"^(tls|tcp)://[^/?#@]+:[0-9]+$")
+    cluster_ca: FilePath | None = None
+    cluster_cert: FilePath | None = None
+    cluster_key: FilePath | None = Field(default=None, validate_default=True)
+    cluster_adaptive: int = Field(default=0, ge=0, le=100_000)
     request_seconds: float = Field(default=60.0, gt=0)
     request_memory: int = Field(default=4 << 30, ge=0)
     quick_seconds: float = Field(default=1.0, gt=0)
@@ -84,6 +91,39 @@ class Settings(BaseSettings):
         if address is None and given.data.get("blob_store") == "objects":
             raise ValueError("an address must be given with SERVOTUNE_BLOB_STORE=objects, got none")
         return address
+
+    @field_validator("cluster", "cluster_ca", "cluster_cert", "cluster_key", mode="before")
+    @classmethod
+    def _given(cls, value: str | None) -> str | None:
+        return value or None  # as compose files give it
+
+    @field_validator("cluster")
+    @classmethod
+    def _installed(cls, address: str | None) -> str | None:
+        if address is not None and importlib.util.find_spec("distributed") is None:
+            raise ValueError(
+                "distributed must be installed for a cluster (pip install 'servotune-server[cluster]'), got no such package"
+            )
+        return address
+
+    @field_validator("cluster_key")
+    @classmethod
+    def _encrypted(cls, key: Path | None, given: ValidationInfo) -> Path | None:
+        """Check what belongs to TLS; this is the last field of those that do."""
+        address = given.data.get("cluster") or ""
+        for name, file in (
+            ("CA", given.data.get("cluster_ca")),
+            ("CERT", given.data.get("cluster_cert")),
+            ("KEY", key),
+        ):
+            if (file is not None) != address.startswith("tls://"):
+                rule = (
+                    "left out without SERVOTUNE_CLUSTER=tls://..."
+                    if file is not None
+                    else "given with SERVOTUNE_CLUSTER=tls://..."
+                )
+                raise ValueError(f"SERVOTUNE_CLUSTER_{name} must be {rule}, got {file or 'none'}")
+        return key
 
     @field_validator("oidc_roles")
     @classmethod

@@ -22,6 +22,7 @@ from typing import Any
 ROOT = Path(__file__).parent.parent
 STATED = {
     "graphemeu": "MIT",
+    "partd": "BSD-3-Clause",
     "protobuf": "BSD-3-Clause",
     "qdldl": "Apache-2.0",
     "zstd": "BSD-2-Clause",

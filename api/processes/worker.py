@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
@@ -12,6 +13,7 @@ from typing import Any
 
 from api.problems.documents import Problem
 from api.problems.exceptions import KNOWN, problem_of
+from api.processes.cluster import workers_of
 from api.processes.memory import bound_memory
 from api.services.identifications import identifications
 from api.services.jobs.computing import Computing
@@ -26,6 +28,7 @@ from api.settings import Settings
 from api.telemetry import logs
 from engine.batch.kernels import warm as kernels
 from engine.batch.linear import warm as responses
+from optimizers.evaluation.spreading import spread
 from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
 from storage.jobs.queue import JobQueue
 from storage.jobs.zygote import Later
@@ -149,9 +152,10 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
 
 def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any] | Parts:
     watch = _Watch(reporter, kept=job.state, given=spreading.grid_state(job.parts))
-    return optimizations.run(
-        job.body, database=database, workspace=job.workspace_id, monitor=watch, parts=job.parts, seconds=job.seconds
-    )  # fmt: skip
+    with spread(workers_of(Settings(), processors=len(os.sched_getaffinity(0)))):
+        return optimizations.run(
+            job.body, database=database, workspace=job.workspace_id, monitor=watch, parts=job.parts, seconds=job.seconds
+        )  # fmt: skip
 
 
 def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

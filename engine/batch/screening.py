@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.batch.frequency.batch import FrequencyBatch
-from engine.batch.kernels.batch import Batch, Slopes, UnsuitableError
+from engine.batch.kernels.batch import NEIGHBOURS, Batch, Slopes, UnsuitableError
 from engine.batch.kernels.readings import TIME_READINGS
-from engine.batch.linear.responses import Responses
+from engine.batch.linear.responses import FOLLOWED, Responses
 from engine.batch.linear.spectra import Spectra
-from engine.batch.nonlinear.batch import NonlinearBatch
+from engine.batch.nonlinear.batch import MARCHED, NonlinearBatch
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError
 from engine.model.traced import UnsuitableError as NoFormulaError
@@ -70,6 +70,15 @@ class Screening:
             return self.compiled(parameters)
         march = self._march(tuple(parameters))
         return march is not None and all(np.array(march.measured) | np.array(self._in_frequency))
+
+    def together(self, parameters: Sequence[str]) -> int:
+        """Return how many candidates, counted from the first of a call, are neighbours for these parameters varied.
+
+        Who shares a vector or a march with whom is decided within them alone, whatever follows.
+        """
+        if not self._diagram.nonlinear:
+            return NEIGHBOURS if self.compiled(parameters) else FOLLOWED
+        return 1 if self._march(tuple(parameters)) is None else MARCHED
 
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.

@@ -1,6 +1,6 @@
 """How long a search took, by what it did: looking at many points, refining with slopes, proving.
 
-Wall time and the processor time of this process (all its threads). A stage inside another one does not count for that.
+Wall time and the processor time of this process (all its threads) and of those that compute for it. A stage inside another one does not count for that.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Effort:
 
     ended: Callable[[], bool] | None = None
     stages: dict[Stage, Spent] = field(default_factory=lambda: {stage: Spent() for stage in Stage})
-    _now: Stage = Stage.OTHER
+    now: Stage = Stage.OTHER
     _since: tuple[float, float] = field(default_factory=lambda: (time.perf_counter(), time.process_time()))
 
     @contextmanager
@@ -51,7 +51,7 @@ class Effort:
 
     def spent(self) -> dict[str, dict[str, float]]:
         """Return stage -> ``seconds`` and ``cpu_seconds`` until now, in plain numbers."""
-        self.turn(self._now)
+        self.turn(self.now)
         return {
             str(stage): {"seconds": spent.seconds, "cpu_seconds": spent.cpu_seconds}
             for stage, spent in self.stages.items()
@@ -66,10 +66,10 @@ class Effort:
     def turn(self, stage: Stage) -> Stage:
         """Count from now on for another stage; return which it was until now."""
         wall, cpu = time.perf_counter(), time.process_time()
-        spent = self.stages[self._now]
+        spent = self.stages[self.now]
         spent.seconds += wall - self._since[0]
         spent.cpu_seconds += cpu - self._since[1]
-        before, self._now, self._since = self._now, stage, (wall, cpu)
+        before, self.now, self._since = self.now, stage, (wall, cpu)
         return before
 
 
@@ -85,6 +85,13 @@ def elapsed() -> float | None:
     """Return the wall time (s) of all that is measured now, None where nobody measures."""
     effort = _CURRENT.get()
     return None if effort is None else seconds_of(effort.spent())
+
+
+def elsewhere(cpu_seconds: float) -> None:
+    """Count processor time that other processes spent for what is done now."""
+    effort = _CURRENT.get()
+    if effort is not None:
+        effort.stages[effort.now].cpu_seconds += cpu_seconds
 
 
 def over() -> bool:

@@ -31,6 +31,7 @@ from optimizers.evaluation.compared import Exact, compared, compared_slopes, exa
 from optimizers.evaluation.constraint_violation import BROKEN, excess_slopes, signed_excess
 from optimizers.evaluation.measuring import measured as measured_goals
 from optimizers.evaluation.measuring import screened as screened_requests
+from optimizers.evaluation.spreading import Parcel, Values, current, joined
 from optimizers.problem import Across, Problem, Sense, Vector
 from optimizers.problem.ties import resolved
 
@@ -41,6 +42,8 @@ IMPOSSIBLE = 1e5
 UNLIMITED = 1e30
 """Stands for the infinite value of a margin or bandwidth that is never crossed, where it is an objective."""
 _STEP = 1e-30
+_FRAME = 8
+"""Candidates that are tried in a batch before each of them is simulated."""
 _TRIED, _MOST, _WORTH = 64, 0.75, 8
 """Candidates on which batches are tried, the part of them that they have to answer for, and how many times as many make a trial worth it."""
 
@@ -95,12 +98,16 @@ class Evaluator:
     Parameters
     ----------
     problem : Problem
+    threads : int, optional
+        How many threads compute; as many as there are processors for this process by default.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, *, threads: int | None = None) -> None:
         self.problem = problem
         self.evaluations = 0
-        self._screening = Screening(problem.diagram, screened_requests(problem))
+        #: How long a candidate took in the last call (s), None where nobody has measured it.
+        self.seconds_each: float | None = None
+        self._screening = Screening(problem.diagram, screened_requests(problem), threads=threads)
         self._proven: dict[tuple[float, ...], list[list[Exact]]] = {}
         self._settled: dict[bytes, Assessment] = {}
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
@@ -127,6 +134,27 @@ class Evaluator:
     def compiled(self) -> bool:
         """Whether compiled kernels evaluate the goals: a candidate then costs microseconds."""
         return not self.problem.commands and self._screening.compiled(self._varied)
+
+    @cached_property
+    def together(self) -> int:
+        """How many candidates, from the first one of a call on, are neighbours: a call that is cut between them gives the same numbers to the bit."""
+        return self.frame or self._screening.together(self._varied)
+
+    @cached_property
+    def frame(self) -> int | None:
+        """How many candidates go through everything at a time, None for all: a few where each takes long by itself."""
+        slow = self.problem.diagram.nonlinear and self.cost is Cost.SIMULATION
+        return min(_FRAME, self._screening.together(self._varied)) if slow else None
+
+    @property
+    def batched(self) -> bool:
+        """Whether compiled code evaluates most candidates, on as many threads as there are processors."""
+        return self.cost is not Cost.SIMULATION
+
+    @cached_property
+    def parcel(self) -> Parcel:
+        """The problem as it travels to others."""
+        return Parcel.of(self.problem)
 
     @cached_property
     def cost(self) -> Cost:
@@ -159,8 +187,13 @@ class Evaluator:
 
         With ``roughly``, for a first look at many points, what the fast evaluation doubts is not looked at again.
         """
-        values, growth, doubtful = self._values(positions, roughly=roughly)
-        return self._assessment(values, growth, doubtful)
+        self.evaluations += len(positions)
+        roughly, others = roughly and self.cost is not Cost.SIMULATION, current()
+        if others is None:
+            found = self.values(positions, roughly=roughly, frame=self.frame)
+        else:
+            found = others.values(self, positions, roughly=roughly)
+        return self._assessment(found.values, found.growth, found.doubtful)
 
     def exact(self, point: Mapping[str, float]) -> list[list[Exact]]:
         """Return every goal with its derivatives by the variables, by the exact path: [scenario][goal]."""
@@ -328,12 +361,16 @@ class Evaluator:
             objective=objective, violation=broken.max(axis=1), values=values, doubtful=np.asarray(doubtful.any(axis=(1, 2)))
         )  # fmt: skip
 
-    def _values(self, positions: Matrix, *, roughly: bool) -> tuple[Matrix, Matrix, npt.NDArray[np.bool_]]:
-        """Return metric values (B, S, G), growth (B, S) and doubt (B, S, G); infinite growth: no such system."""
+    def values(self, positions: Matrix, *, roughly: bool, frame: int | None) -> Values:
+        """Return metric values, growth and doubt of points (B, V), computed here; infinite growth: no such system.
+
+        With ``roughly`` no second opinion is asked for. ``frame`` is that of whoever asks.
+        """
+        if frame is not None and len(positions) > frame:
+            firsts = range(0, len(positions), frame)
+            return joined([self.values(positions[k : k + frame], roughly=roughly, frame=None) for k in firsts])
         batch, count = len(positions), len(self.problem.scenarios)
-        self.evaluations += batch
         points = self._points(positions)
-        roughly = roughly and self.cost is not Cost.SIMULATION
         screened = self._screened(self._overrides(points), count * batch, second_opinion=not roughly)
         shape = (count, batch, len(self.problem.goals))
         values = compared(self.problem.goals, screened.values.reshape(shape).swapaxes(0, 1))
@@ -356,7 +393,7 @@ class Evaluator:
                 growth[b, s] = 0.0  # where it rests it may be stable
             elif np.isnan(growth[b, s]):
                 growth[b, s] = -1.0
-        return values, growth, doubtful
+        return Values(values=values, growth=growth, doubtful=doubtful)
 
     def _points(self, positions: Matrix) -> Matrix:
         """Return the values of the variables (B, V) at positions in the unit cube."""
@@ -373,13 +410,13 @@ class Evaluator:
         groups: dict[tuple[str, ...], list[int]] = {}
         for index, scenario in enumerate(self.problem.scenarios):
             groups.setdefault(tuple(name for name in self._keys if scenario.get(name) == 0.0), []).append(index)
-        order = np.concatenate([rows[group].ravel() for group in groups.values()])
+        # Candidate by candidate: who its neighbours are does not depend on how many there are.
+        orders = [rows[group].T.ravel() for group in groups.values()]
         parts = [
-            self._screening(
-                {name: column[rows[group].ravel()] for name, column in overrides.items()}, second_opinion=second_opinion
-            )
-            for group in groups.values()
+            self._screening({name: column[order] for name, column in overrides.items()}, second_opinion=second_opinion)
+            for order in orders
         ]
+        order = np.concatenate(orders)
         back = np.argsort(order)
         return Screened(
             values=np.concatenate([part.values for part in parts])[back],

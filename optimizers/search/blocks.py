@@ -1,7 +1,7 @@
 """Many points in blocks: large enough for the batch kernels, small enough that a cancel is heard.
 
-A candidate costs microseconds or a tenth of a second, so the size of a block follows the time that the last one took. What
-is found does not depend on it.
+A candidate costs microseconds or a tenth of a second, so the size of a block follows the time that the last one took. A block
+ends where neighbours end (`Evaluator.together`), so that what is found does not depend on it, to the bit.
 """
 
 from __future__ import annotations
@@ -9,13 +9,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from optimizers.evaluation.evaluate import Assessment, Cost, Matrix
+from optimizers.evaluation.evaluate import Assessment, Matrix
+from optimizers.evaluation.spreading import fitting
 from optimizers.search.search import Tracker
 
-_LEAST = {Cost.KERNELS: 1, Cost.BATCHES: 64, Cost.SIMULATION: 1}
-"""Points of the smallest block, and of the first: in a batch fewer take as long, and by itself a single one may take a second."""
-_FIRST = 128
-"""Points of the first block for compiled kernels."""
 _LARGEST = 16_384
 _SHORT, _LONG = 0.15, 0.4
 """Seconds: blocks that take less grow, those that take more shrink."""
@@ -39,11 +36,13 @@ def in_blocks(tracker: Tracker, positions: Matrix, *, roughly: bool = False) -> 
     Stopped
         When cancelled or out of budget.
     """
-    least, first = _LEAST[tracker.evaluator.cost], 0
-    size = _FIRST if tracker.evaluator.cost is Cost.KERNELS else least
+    least, first = tracker.evaluator.together, 0
+    size = least
     while first < len(positions):
         left = tracker.budget - tracker.evaluator.evaluations
-        rows = slice(first, min(first + size, len(positions), first + max(left, 1)))
+        # Others compute larger ones: a cancel is heard while they are waited for.
+        wanted = fitting(tracker.evaluator, len(positions) - first) or size
+        rows = slice(first, min(first + wanted, len(positions), first + max(left, 1)))
         begin = time.perf_counter()
         found = tracker.assess(positions[rows], roughly=roughly)
         taken = time.perf_counter() - begin

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.model.interruption import interruptible
 from optimizers.evaluation.certificate import TOLERANCE
 from optimizers.evaluation.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.evaluation.spreading import fitting
 from optimizers.problem import Problem
 from optimizers.problem.turned import turned
 from optimizers.search.result import Monitor, Yield
@@ -24,7 +26,11 @@ from optimizers.search.result import Monitor, Yield
 _NORMAL = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
 _BLOCK, _FEW = 256, 4
-"""Draws between two looks at the monitor; few where each is a simulation."""
+"""Draws of a block; few where each is a simulation."""
+
+
+class _Enough(Exception):  # noqa: N818 - nothing is wrong, somebody wants no more of it
+    """The monitor says that it is enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,13 +70,22 @@ def draws_of(problem: Problem, *, samples: int, rng: np.random.Generator) -> Mat
 def drawn(problem: Problem, best: Mapping[str, float], points: Matrix, *, monitor: Monitor) -> Draws:
     """Return what becomes of some draws (n, R)."""
     evaluator = Evaluator(turned(problem, best))
-    block = _FEW if problem.diagram.nonlinear else _BLOCK
+    block = max(_FEW, evaluator.together) if problem.diagram.nonlinear else _BLOCK
     good = done = unstable = 0
     failures = dict.fromkeys((g for g, goal in enumerate(problem.goals) if goal.hard), 0)
-    for first in range(0, len(points), block):
-        if first and monitor.cancelled():
+
+    def go_on() -> None:
+        if done and monitor.cancelled():
+            raise _Enough
+
+    while done < len(points):
+        try:
+            with interruptible(go_on):
+                go_on()
+                size = fitting(evaluator, len(points) - done) or block
+                found = evaluator.assess(points[done : done + size])
+        except _Enough:
             break
-        found = evaluator.assess(points[first : first + block])
         broken = evaluator.violations(found.values) > TOLERANCE
         good += int((found.violation <= TOLERANCE).sum())
         unstable += int((found.violation >= UNSTABLE).sum())

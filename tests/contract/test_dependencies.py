@@ -22,10 +22,22 @@ ROOMS = {
     "engine": ["servotune-server", "servotune-server[interop]"],
     "optimizers": ["servotune-server", "servotune-server[convex]", "servotune-server[pareto]"],
     "storage": ["servotune-server", "servotune-server[objects]"],
-    "api": ["servotune-server", "servotune-server[formats]", "servotune-server[telemetry]"],
+    "api": [
+        "servotune-server",
+        "servotune-server[cluster]",
+        "servotune-server[formats]",
+        "servotune-server[telemetry]",
+    ],
     "docs": ["servotune", "docs", "demo"],
     "examples": ["servotune", "demo"],
-    "bench": ["servotune", "servotune-server", "servotune-server[formats]", "servotune-server[interop]", "bench"],
+    "bench": [
+        "servotune",
+        "servotune-server",
+        "servotune-server[cluster]",
+        "servotune-server[formats]",
+        "servotune-server[interop]",
+        "bench",
+    ],
     "tests": parts(),
 }
 # Never imported by name: programs, Postgres among them.

@@ -53,7 +53,10 @@ def test_import_contracts_hold() -> None:
     ("module", "absent"),
     [
         # control, cvxpy and matplotlib cost seconds each: only the function that needs one imports it.
-        ("api.app.main", ("control", "cvxpy", "fpdf", "jinja2", "matplotlib", "nidaqmx", "mpmath", "servotune")),
+        (
+            "api.app.main",
+            ("control", "cvxpy", "distributed", "fpdf", "jinja2", "matplotlib", "nidaqmx", "mpmath", "servotune"),
+        ),
         # What writes reports is loaded by the process that writes one.
         ("api.processes.large_request", ("fpdf", "jinja2", "matplotlib", "servotune")),
         # scipy.stats alone is a fifth of the service's start.

@@ -16,7 +16,7 @@ LOCKS = {name: (ROOT / name).read_text() for name in ("requirements.lock", "requ
 IMAGE = [
     "servotune",
     "servotune-server",
-    *(f"servotune-server[{name}]" for name in ("convex", "formats", "interop", "pareto", "telemetry")),
+    *(f"servotune-server[{name}]" for name in ("cluster", "convex", "formats", "interop", "pareto", "telemetry")),
 ]
 
 

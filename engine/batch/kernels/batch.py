@@ -41,7 +41,8 @@ Real = npt.NDArray[np.float64]
 MOST_STATES: Final = 64
 _BLOCK: Final = 8192
 """At most so many candidates are one piece of work for a thread."""
-_SMALL_BLOCK: Final = 128
+NEIGHBOURS: Final = 128
+"""Neighbours of whom those in doubt are looked at again together."""
 _PER_DECADE: Final = 30
 _EXTRA: Final = 3
 """How often the samples of a response are doubled where the usual ones leave doubt."""
@@ -231,7 +232,8 @@ class Batch:
         def work(span: slice) -> None:
             self._block(points, results, span)
             if then is not None:
-                then(results, span)
+                for part in _together(span):
+                    then(results, part)
 
         if workers <= 1:
             for span in spans:
@@ -285,21 +287,28 @@ class Batch:
         """Evaluate one block, and again with more samples or frequencies where the first look cannot vouch for it."""
         rows = np.arange(span.start, span.stop)
         readings = self._look(points, results, rows, self._time, self._spectrum(1))
-        doubtful = results.doubtful[span]
-        if doubtful.any():
-            known = ~np.isnan(results.growth[span])
-            again = np.flatnonzero(doubtful[:, self._of_time[:, 0]].any(axis=1) & known)
-            if again.size:
-                look = self._look(points, results, rows[again], self._time, self._no_spectrum, _EXTRA)
-                readings.responses[again] = look.responses
-            for density in _DENSITIES[1:]:
-                again = np.flatnonzero(doubtful[:, self._of_curves[:, 0]].any(axis=1) & known)
-                if again.size:
-                    look = self._look(points, results, rows[again], self._no_time, self._spectrum(density))
-                    readings.curves[again] = look.curves
+        for part in _together(span):
+            if results.doubtful[part].any():
+                here = slice(part.start - span.start, part.stop - span.start)
+                own = _Readings(responses=readings.responses[here], curves=readings.curves[here])
+                self._look_again(points, results, part, own)
         if self._unmeasured.size:
-            doubtful[:, self._unmeasured] = True
+            results.doubtful[span, self._unmeasured] = True
         return readings
+
+    def _look_again(self, points: Real, results: Results, span: slice, readings: _Readings) -> None:
+        """Evaluate those in doubt with more samples or frequencies."""
+        rows, doubtful = np.arange(span.start, span.stop), results.doubtful[span]
+        known = ~np.isnan(results.growth[span])
+        again = np.flatnonzero(doubtful[:, self._of_time[:, 0]].any(axis=1) & known)
+        if again.size:
+            look = self._look(points, results, rows[again], self._time, self._no_spectrum, _EXTRA)
+            readings.responses[again] = look.responses
+        for density in _DENSITIES[1:]:
+            again = np.flatnonzero(doubtful[:, self._of_curves[:, 0]].any(axis=1) & known)
+            if again.size:
+                look = self._look(points, results, rows[again], self._no_time, self._spectrum(density))
+                readings.curves[again] = look.curves
 
     def _look(
         self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram,
@@ -327,14 +336,21 @@ class Batch:
 def _spans(total: int, threads: int) -> Iterator[slice]:
     """Cut candidates into pieces of work, smaller towards the end: no thread waits long for the last one.
 
-    Whole vectors, so that the same candidates are neighbours on any number of threads.
+    Whole neighbourhoods, so that the same candidates are neighbours on any number of threads and in any part of them that
+    begins with a neighbourhood.
     """
     first = 0
     while first < total:
         share = -(-(total - first) // threads)
-        size = min(_BLOCK, max(_SMALL_BLOCK, -(-share // LANES) * LANES))
+        size = min(_BLOCK, -(-share // NEIGHBOURS) * NEIGHBOURS)
         yield slice(first, min(first + size, total))
         first += size
+
+
+def _together(span: slice) -> Iterator[slice]:
+    """Return the neighbourhoods of a span that begins with one."""
+    for first in range(span.start, span.stop, NEIGHBOURS):
+        yield slice(first, min(first + NEIGHBOURS, span.stop))
 
 
 def _steps(signals: Mapping[str, Signal], diagram: Diagram) -> dict[int, float] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -48,8 +49,8 @@ _HELD: Final = frozenset({"tracking_error", "envelope"})
 _MOST_STATES: Final = 64
 _MOST_CHANNELS: Final = 4
 _LONGEST: Final = 1e9
-_FEW: Final = 32
-"""Fewer candidates are not shared among threads."""
+FOLLOWED: Final = 32
+"""Neighbours that are followed by the same thread."""
 _BESIDE: Final = 1e-6
 
 
@@ -221,11 +222,12 @@ class Responses:
                 a, b, c, d, Delayed(*channels), plan, drive, watched, wanted, ends[span], numbers[span], doubt[span]
             )  # fmt: skip
 
-        spans = _spans(len(flow), self._threads)
-        if len(spans) == 1:
-            work(spans[0])
+        spans = _spans(members)
+        if len(spans) == 1 or self._threads == 1:
+            for span in spans:
+                work(span)
         else:
-            with ThreadPoolExecutor(len(spans)) as pool:
+            with ThreadPoolExecutor(min(len(spans), self._threads)) as pool:
                 list(pool.map(work, spans))
         if drive.climbs:  # what is left of an error is the difference of two numbers that grow: the exact path decides
             for k, request in enumerate(response.requests):
@@ -308,6 +310,7 @@ def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, 
     return found
 
 
-def _spans(count: int, threads: int) -> list[slice]:
-    share = max(_FEW, -(-count // threads))
-    return [slice(first, min(first + share, count)) for first in range(0, count, share)]
+def _spans(members: Array) -> list[slice]:
+    """Cut members (rising) where others of `FOLLOWED` begin: who shares a vector does not depend on how many there are."""
+    ends = [0, *(np.flatnonzero(np.diff(members // FOLLOWED)) + 1).tolist(), len(members)]
+    return [slice(first, last) for first, last in itertools.pairwise(ends)]

@@ -47,7 +47,7 @@ _LIFETIME: Final = 0.4
 """Part of the lifetime of the linearised system, in which e^-36 is left, that a response is followed for at first."""
 _STABLE: Final = 1.5
 """Steps times the largest pole at first; the method is stable up to 2.8."""
-_LANES: Final = 64
+MARCHED: Final = 64
 _WORDS: Final = 1 << 21
 """Numbers that a record may have at most."""
 _NEAR_SINGULAR: Final = 1e-6
@@ -145,7 +145,8 @@ class NonlinearBatch:
         found = _Found(values=values, doubtful=doubtful)
         rows = np.flatnonzero(valid & posed & np.isfinite(once).all(axis=0))
         given = _Given(points=points, start=start, once=once)
-        blocks = [rows[first : first + _LANES] for first in range(0, len(rows), _LANES)]
+        # By their places among all, so that a candidate has the same neighbours however many do not exist.
+        blocks = np.split(rows, np.flatnonzero(np.diff(rows // MARCHED)) + 1) if rows.size else []
         jobs = [(experiment, block) for experiment in range(len(self._experiments)) for block in blocks]
         workers = min(threads or len(os.sched_getaffinity(0)), len(jobs))
         if workers <= 1:
