@@ -34,7 +34,7 @@ export function KeyForm({ workspaces, onMade }: { workspaces: WorkspaceHead[]; o
       <Group align="flex-end" gap="md">
         <TextInput label={t("access.name")} value={name} onChange={(event) => setName(event.currentTarget.value)} error={problem?.at("/name")} w={220} />
         <Checkbox.Group label={t("access.may")} value={scopes} onChange={(value) => setScopes(value as Scope[])} error={problem?.at("/scopes")}>
-          <Group gap="md" mt={4}>
+          <Group gap="md" mih={30}>
             {SCOPES.map((scope) => (
               <Checkbox key={scope} value={scope} label={t(`access.scopes.${scope}`)} size="xs" />
             ))}

@@ -211,7 +211,7 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
                 />
                 <Controller control={control} name="header_lines" render={({ field }) => <NumberInput size="xs" w={120} label={t("datasets.header")} hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={wrong("header_lines", "/import/header_lines")} />} />
                 <TextInput w={150} label={t("importing.missing")} placeholder="NaN; -" {...register("missing")} error={wrong("missing", "/import/missing")} />
-                <TextInput w={90} label={t("importing.comment")} placeholder="#" {...register("comment")} error={wrong("comment", "/import/comment")} />
+                <TextInput w={140} label={t("importing.comment")} placeholder="#" {...register("comment")} error={wrong("comment", "/import/comment")} />
                 <Checkbox mt={26} size="xs" label={t("importing.allowTruncated")} {...register("allow_truncated")} />
               </>
             )}

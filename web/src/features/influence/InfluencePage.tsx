@@ -66,36 +66,38 @@ export function InfluencePage() {
     <div className="page">
       <Stack gap="md">
         <ProblemAlert error={described.error ?? study.error} />
-        {opened && (
-          <Group align="flex-start" gap="sm">
-            <NativeSelect size="xs" label={t("panel.input")} data={opened.inputs} value={input} onChange={(event) => put({ in: event.currentTarget.value })} />
-            <NativeSelect size="xs" label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(event) => put({ out: event.currentTarget.value })} />
-            <NativeSelect size="xs" label={t("influence.loop")} data={[{ value: "", label: t("influence.noLoop") }, ...loops]} value={loop} onChange={(event) => put({ loop: event.currentTarget.value })} />
-            <MultiSelect label={t("panel.parameters")} data={opened.parameters.filter((p) => !p.bound).map((p) => p.path)} value={parameters} onChange={(next) => put({ p: next.join(",") })} searchable maxValues={30} w={330} {...COMPACT} />
-            <MultiSelect label={t("panel.metrics")} data={[...(catalogue?.values() ?? [])].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} value={metrics} onChange={(next) => put({ m: next.join(",") })} searchable maxValues={20} w={330} {...COMPACT} />
-          </Group>
-        )}
-        <Group gap="xl" align="center">
-          <SegmentedControl
-            size="xs"
-            aria-label={t("influence.reading")}
-            value={kind}
-            onChange={(next) => put({ kind: next })}
-            data={[
-              { value: "elasticity", label: t("influence.elasticity") },
-              { value: "coefficient", label: t("influence.coefficient") },
-            ]}
-          />
-          <div style={{ width: 260 }}>
-            <Text fz="xs" id="change">
-              {t("influence.change", { change: shownChange })}
+        {opened && catalogue && (
+          <>
+            <Group align="flex-start" gap="sm">
+              <NativeSelect size="xs" label={t("panel.input")} data={opened.inputs} value={input} onChange={(event) => put({ in: event.currentTarget.value })} />
+              <NativeSelect size="xs" label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(event) => put({ out: event.currentTarget.value })} />
+              <NativeSelect size="xs" label={t("influence.loop")} data={[{ value: "", label: t("influence.noLoop") }, ...loops]} value={loop} onChange={(event) => put({ loop: event.currentTarget.value })} />
+              <MultiSelect label={t("panel.parameters")} data={opened.parameters.filter((p) => !p.bound).map((p) => p.path)} value={parameters} onChange={(next) => put({ p: next.join(",") })} searchable maxValues={30} w={330} {...COMPACT} />
+              <MultiSelect label={t("panel.metrics")} data={[...catalogue.values()].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} value={metrics} onChange={(next) => put({ m: next.join(",") })} searchable maxValues={20} w={330} {...COMPACT} />
+            </Group>
+            <Group gap="xl" align="center">
+              <SegmentedControl
+                size="xs"
+                aria-label={t("influence.reading")}
+                value={kind}
+                onChange={(next) => put({ kind: next })}
+                data={[
+                  { value: "elasticity", label: t("influence.elasticity") },
+                  { value: "coefficient", label: t("influence.coefficient") },
+                ]}
+              />
+              <div style={{ width: 260 }}>
+                <Text fz="xs" id="change">
+                  {t("influence.change", { change: shownChange })}
+                </Text>
+                <Slider min={-50} max={50} step={1} value={shownChange} onChange={setShownChange} onChangeEnd={(next) => put({ change: String(next === 0 ? 1 : next) })} thumbLabel={t("influence.change", { change: shownChange })} label={(v) => `${v} %`} disabled={kind === "elasticity"} />
+              </div>
+            </Group>
+            <Text fz="sm" c="dimmed">
+              {t(kind === "elasticity" ? "influence.elasticityDoc" : "influence.coefficientDoc", { change })}
             </Text>
-            <Slider min={-50} max={50} step={1} value={shownChange} onChange={setShownChange} onChangeEnd={(next) => put({ change: String(next === 0 ? 1 : next) })} thumbLabel={t("influence.change", { change: shownChange })} label={(v) => `${v} %`} disabled={kind === "elasticity"} />
-          </div>
-        </Group>
-        <Text fz="sm" c="dimmed">
-          {t(kind === "elasticity" ? "influence.elasticityDoc" : "influence.coefficientDoc", { change })}
-        </Text>
+          </>
+        )}
         {study.data && (
           <Group align="flex-start" gap="lg" wrap="wrap">
             <Table.ScrollContainer minWidth={420} style={{ flex: "20 1 480px" }}>

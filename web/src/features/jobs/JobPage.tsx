@@ -29,7 +29,8 @@ export function JobPage() {
   const job = useQuery(jobQuery(id));
   const running = job.data !== undefined && !ENDED.has(job.data.status);
   const followed = useEvents(id, running);
-  const result = useQuery({ ...resultQuery(id), enabled: job.data?.status === "succeeded" || (job.data?.status === "cancelled" && job.data.result !== null) });
+  const found = job.data?.status === "succeeded" || (job.data?.status === "cancelled" && job.data.result !== null);
+  const result = useQuery({ ...resultQuery(id), enabled: found });
   const of = useQuery({ ...systemQuery(job.data?.system?.id ?? ""), enabled: job.data?.system != null, retry: false });
   const cancel = useMutation({
     mutationFn: () => must(api.POST("/v1/jobs/{identifier}/cancel", { params: { path: { identifier: id } } })),
@@ -63,15 +64,16 @@ export function JobPage() {
             {t("jobs.cancel")}
           </Button>
         )}
-        {result.data !== undefined && (
-          <Button variant="default" onClick={() => download(`${id}.json`, new Blob([JSON.stringify(result.data, null, 2)], { type: "application/json" }))}>
+        {/* What is done with a result stands there before that has come: buttons that come later would push the others aside. */}
+        {found && (
+          <Button variant="default" disabled={result.data === undefined} onClick={() => download(`${id}.json`, new Blob([JSON.stringify(result.data, null, 2)], { type: "application/json" }))}>
             {t("jobs.download")}
           </Button>
         )}
         <Button variant="default" component={Link} to={`/lineage/${id}`}>
           {t("lineage.open")}
         </Button>
-        {result.data !== undefined && <ReportLinks of={`/v1/jobs/${id}`} kind={kind} />}
+        {found && <ReportLinks of={`/v1/jobs/${id}`} kind={kind} />}
         {kind === "optimization" && (
           <Button variant="default" component="a" href={`/v1/jobs/${id}/script`} download>
             {t("jobs.script")}

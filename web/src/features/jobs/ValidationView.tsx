@@ -124,7 +124,7 @@ function Frequency({ found, title, unit }: { found: Schemas["FrequencyDomainRepl
     return {
       title: t("found.frequencyOf", { output: title }),
       x: { label: "ω", unit: "rad/s", log: true },
-      y: { label: t("panel.magnitude"), unit: t("found.perUnit", { unit: unit || "1", input: words(found.input) }), log: true },
+      y: { label: t("panel.magnitudeShort"), unit: t("found.perUnit", { unit: unit || "1", input: words(found.input) }), log: true },
       lines: [
         { label: t("found.measured"), x, y: numbersOf(found.measured.magnitude), ...band, color: 4 },
         { label: t("found.simulated"), x, y: numbersOf(found.simulated.magnitude), color: 1 },

@@ -30,8 +30,10 @@ export function useMatch(): Matched {
   const system = useQuery({ ...systemQuery(match.system), enabled: match.system !== "" });
   const described = useQuery({ ...describedQuery(match.system, system.data?.revision ?? 0), enabled: system.data !== undefined });
   const dataset = useQuery({ ...datasetQuery(match.dataset), enabled: match.dataset !== "" });
-  const opened = match.system ? described.data : undefined;
-  const recording = match.dataset ? dataset.data : undefined;
+  // What stands below the choice of both comes with their lists: it would move when those come later.
+  const listed = [useQuery(systemChoices), useQuery(readyDatasets)].every(({ isSuccess }) => isSuccess);
+  const opened = match.system && listed ? described.data : undefined;
+  const recording = match.dataset && listed ? dataset.data : undefined;
   const untouched = Object.keys(match.inputs).length + Object.keys(match.outputs).length === 0;
   useEffect(() => {
     if (!opened || !recording || !untouched) return;

@@ -3,6 +3,9 @@ import { Fragment, useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { Drop, More, RowFaults } from "./parts";
 
+/** Of a field: what stands beside one stands at its height, also where the row grows by what is wrong. */
+export const LINE = "30px";
+
 interface Props<Row> {
   testId: string;
   title: string;
@@ -57,7 +60,7 @@ export function RowTable<Row>({ testId, title, doc, field, fields, faultAt, head
                   <Fragment key={i}>
                     <Table.Tr style={{ verticalAlign: "top" }}>
                       {cells(row, i).map((cell, k) => (
-                        <Table.Td key={k} ta={heads[k]?.numeric ? "right" : undefined} className={heads[k]?.numeric ? "numbers" : undefined}>
+                        <Table.Td key={k} ta={heads[k]?.numeric ? "right" : undefined} lh={heads[k]?.numeric ? LINE : undefined} className={heads[k]?.numeric ? "numbers" : undefined}>
                           {cell}
                           {k === 0 && <RowFaults row={`${field}.${i}`} fields={fields} faultAt={faultAt} />}
                         </Table.Td>

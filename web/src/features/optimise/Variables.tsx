@@ -5,7 +5,7 @@ import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { withUnit } from "@/shared/units/format";
 import { changed, without, type Part } from "./form";
-import { RowTable } from "./RowTable";
+import { LINE, RowTable } from "./RowTable";
 import { CHOSEN, type Variable } from "./schema";
 
 const FIELDS = ["parameter", "lower", "upper", "choices", "expression", "start", "scale"] as const;
@@ -28,7 +28,9 @@ export function Variables({ form, opened, change, faultAt }: Part) {
     return (
       <Group gap={6} wrap="nowrap" align="flex-start">
         {bound("lower", "optimise.from")}
-        <Text fz="sm">…</Text>
+        <Text fz="sm" lh={LINE}>
+          …
+        </Text>
         {bound("upper", "optimise.to")}
       </Group>
     );

@@ -1,4 +1,4 @@
-import { Alert, Button, Code, Group, List, Modal, Paper, Progress, ScrollArea, SimpleGrid, Stack, Table, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { Alert, Button, Code, Group, List, Modal, Paper, Progress, ScrollArea, Stack, Table, Text, Title, useComputedColorScheme } from "@mantine/core";
 import { useDisclosure } from "@mantine/hooks";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
@@ -136,7 +136,7 @@ export function AcquisitionPage() {
           <Title order={2} mb="xs">
             {t("rigs.attempts")}
           </Title>
-          <SimpleGrid cols={{ base: 1, md: 2 }}>
+          <Pairs>
             {[...found.attempts].reverse().map((attempt) => (
               <Paper key={attempt.number} withBorder p="sm" component="article" miw={0}>
                 <Group justify="space-between">
@@ -161,7 +161,7 @@ export function AcquisitionPage() {
                 )}
               </Paper>
             ))}
-          </SimpleGrid>
+          </Pairs>
         </section>
       </Stack>
     </div>

@@ -1,5 +1,5 @@
 import { Badge, Button, Checkbox, Group, Select, Stack, Table, Text } from "@mantine/core";
-import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { keepPreviousData, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useParams, useSearchParams } from "react-router";
@@ -22,8 +22,9 @@ export function RevisionsPage() {
   const revisions = useQuery(revisionsQuery(id));
   const after = Number(query.get("to") ?? current.revision);
   const before = Number(query.get("from") ?? Math.max(1, after - 1));
-  const first = useQuery(revisionQuery(id, before));
-  const second = useQuery(revisionQuery(id, after));
+  // What is below the differences stays while two others are compared: only one of the two changes at a time.
+  const first = useQuery({ ...revisionQuery(id, before), placeholderData: keepPreviousData });
+  const second = useQuery({ ...revisionQuery(id, after), placeholderData: keepPreviousData });
   const restore = useMutation({
     mutationFn: async () => saveSystem(id, await queries.ensureQueryData(revisionQuery(id, before)), current.etag),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["system", id] }),
@@ -68,32 +69,37 @@ export function RevisionsPage() {
             </Table.Tbody>
           </Table>
         )}
-        <Button component={Link} to={compareAt(chosen.toSorted((a, b) => a - b).map((revision) => ({ kind: "revision", id, revision })))} variant="default" style={{ alignSelf: "flex-start" }}>
-          {t("compare.chosen", { count: chosen.length })}
-        </Button>
-        <Table>
-          <Table.Caption>{t("revisions.all")}</Table.Caption>
-          <Table.Thead>
-            <Table.Tr>
-              <Table.Th w={40} aria-label={t("compare.choose")} />
-              <Table.Th>{t("systems.revision")}</Table.Th>
-              <Table.Th>{t("revisions.made")}</Table.Th>
-            </Table.Tr>
-          </Table.Thead>
-          <Table.Tbody>
-            {(revisions.data?.items ?? []).map((row) => (
-              <Table.Tr key={row.revision}>
-                <Table.Td>
-                  <Checkbox size="xs" aria-label={t("compare.chooseOne", { name: t("system.revision", { number: row.revision }) })} checked={chosen.includes(row.revision)} disabled={chosen.length >= MOST_DESIGNS && !chosen.includes(row.revision)} onChange={(event) => setChosen(event.currentTarget.checked ? [...chosen, row.revision] : chosen.filter((one) => one !== row.revision))} />
-                </Table.Td>
-                <Table.Td className="numbers">{row.revision}</Table.Td>
-                <Table.Td>
-                  <When at={row.created_at} />
-                </Table.Td>
-              </Table.Tr>
-            ))}
-          </Table.Tbody>
-        </Table>
+        {/* below what differs, whose height is not known before it is there */}
+        {revisions.data && (changes || first.error || second.error) && (
+          <>
+            <Button component={Link} to={compareAt(chosen.toSorted((a, b) => a - b).map((revision) => ({ kind: "revision", id, revision })))} variant="default" style={{ alignSelf: "flex-start" }}>
+              {t("compare.chosen", { count: chosen.length })}
+            </Button>
+            <Table>
+              <Table.Caption>{t("revisions.all")}</Table.Caption>
+              <Table.Thead>
+                <Table.Tr>
+                  <Table.Th w={40} aria-label={t("compare.choose")} />
+                  <Table.Th>{t("systems.revision")}</Table.Th>
+                  <Table.Th>{t("revisions.made")}</Table.Th>
+                </Table.Tr>
+              </Table.Thead>
+              <Table.Tbody>
+                {revisions.data.items.map((row) => (
+                  <Table.Tr key={row.revision}>
+                    <Table.Td>
+                      <Checkbox size="xs" aria-label={t("compare.chooseOne", { name: t("system.revision", { number: row.revision }) })} checked={chosen.includes(row.revision)} disabled={chosen.length >= MOST_DESIGNS && !chosen.includes(row.revision)} onChange={(event) => setChosen(event.currentTarget.checked ? [...chosen, row.revision] : chosen.filter((one) => one !== row.revision))} />
+                    </Table.Td>
+                    <Table.Td className="numbers">{row.revision}</Table.Td>
+                    <Table.Td>
+                      <When at={row.created_at} />
+                    </Table.Td>
+                  </Table.Tr>
+                ))}
+              </Table.Tbody>
+            </Table>
+          </>
+        )}
       </Stack>
     </div>
   );
