@@ -23,7 +23,7 @@ def linearization(channels: Channels, constants: Mapping[str, float]) -> tuple[R
 
 def limited(laws: Sequence[Law]) -> list[Law]:
     """Return the samplers whose limits make them more than their linear part."""
-    return [law for law in laws if issubclass(law.element, Sampler) and law.element.linear_part(law.real) != law.real]
+    return [law for law in laws if issubclass(law.element, Sampler) and not law.element.linear(law.real)]
 
 
 def sampled(

@@ -90,6 +90,11 @@ class Sampler(NonlinearElement):
         return values
 
     @classmethod
+    def linear(cls, values: Values) -> bool:
+        """Return whether the law has nothing but its linear part."""
+        return cls.linear_part(values) == values
+
+    @classmethod
     def update(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the output at what the last sample has made of it."""
         return [m.x[1], *m.x[1:]]

@@ -68,6 +68,14 @@ class Agenda:
         """Return the next stop before ``horizon``."""
         return self._stops[-1] if self._stops and self._stops[-1].time < horizon else None
 
+    def kink(self, horizon: float) -> float:
+        """Return the next instant that is no sample, ``horizon`` at the latest."""
+        return min(horizon, next((stop.time for stop in reversed(self._stops) if stop.law is None), horizon))
+
+    def clear_samples(self) -> None:
+        """Take off all samples and updates."""
+        self._stops = [stop for stop in self._stops if stop.law is None]
+
     def ahead(self, count: int) -> list[Stop]:
         """Return the next ``count`` stops, or all there are."""
         return self._stops[: -count - 1 : -1]

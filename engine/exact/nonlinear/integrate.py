@@ -29,6 +29,7 @@ from engine.exact.nonlinear.driving import Driving
 from engine.exact.nonlinear.guards import Crossing, first_crossing, touches
 from engine.exact.nonlinear.meeting import Meeting
 from engine.exact.nonlinear.outcome import Outcome
+from engine.exact.nonlinear.periods import Periods
 from engine.exact.nonlinear.pieces import Command, Record
 from engine.exact.nonlinear.steps import Step, Stepper
 from engine.exact.nonlinear.switching import StoppedError, Switchboard
@@ -59,6 +60,7 @@ _ALMOST_NOTHING, _PATIENCE = (
 _LITTLE, _LONG = 0.1, 12  # what rounding may be all of: then a doubled step is tried after so many of one width
 _RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
 _EARLY = 1e-3
+_TAKEN = 1e-6  # a sample has been taken that is due within this part of its period
 _PUNCTUAL, _ROUNDED = 1e-12, 1e-14
 """By how much the polynomial of a guard may move an event, in parts of the time simulated; what it misses by rounding alone."""
 
@@ -112,6 +114,7 @@ class Integration:
         self._noted = -math.inf
         self._left: Real | None = None
         self._torn = False  # whether signals jump here at other infinitesimals than where the record ends
+        self._periods = Periods.of(system)
         for number, law in enumerate(system.laws):
             if law.element.period(law.values) is not None:
                 self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
@@ -179,6 +182,8 @@ class Integration:
                 self._arrive(due)
             if self.now >= horizon * (1 - 1e-14):
                 return
+            if self._repeated(horizon):
+                continue
             stop = self._agenda.following(horizon)
             self._step(horizon if stop is None else stop.time, None if stop is None else stop.lanes)
 
@@ -220,15 +225,20 @@ class Integration:
         self._echo(0 if jumps else generation)
 
     def _sample_again(self, number: int) -> None:
-        """Note when a law that has taken a sample updates its output, and when it takes the next."""
+        """Note when a law updates its output from the last sample that it has taken, and when it takes the next."""
         law = self.system.laws[number]
         period = np.ravel(np.asarray(law.element.period(law.values)))
         latency = np.ravel(np.asarray(law.element.latency(law.values)))
         offset = np.ravel(np.asarray(law.element.offset(law.values)))
-        count = round((self.now - float(offset[0].real)) / float(period[0].real))
+        count = math.floor((self.now - float(offset[0].real)) / float(period[0].real) + _TAKEN)
         self._note(offset + period * (count + 1), law=number)
-        if np.any(latency != 0):
-            self._note(offset + period * count + latency, law=number, updates=True)
+        update = offset + period * count + latency
+        if np.any(latency != 0) and count >= 0 and float(update[0].real) > self.now + _TAKEN * float(period[0].real):
+            self._note(update, law=number, updates=True)
+
+    def _pace(self, number: int) -> float:
+        law = self.system.laws[number]
+        return float(np.ravel(np.asarray(law.element.period(law.values)))[0].real)
 
     def _echo(self, generation: int) -> None:
         """Note that what changes now comes back through every delay."""
@@ -388,7 +398,7 @@ class Integration:
         if chain is None:
             self._chain, self._pause = max(_FEWEST, self._chain // 2), _PAUSE
             return False
-        taken = len(chain.path)
+        taken = len(chain.edges)
         self._agenda.drop(taken - 1)
         if taken == self._chain:
             self._chain = min(2 * self._chain, _MOST)
@@ -397,20 +407,39 @@ class Integration:
 
     def _take(self, chain: Chain) -> None:
         """Append a chain of steps to the record and move to its end."""
-        self._bounds.step(self.now, len(chain.path))
-        lanes, board = self.system.lanes, self._board
-        linear = chain.x[None, :, :, : self.system.linear_states]
-        parts = np.concatenate([linear[0], chain.u[0], chain.v[0]], axis=2).real
+        self._bounds.step(self.now, len(chain.edges))
+        board = self._board
+        linear = chain.x[:, :, : self.system.linear_states]
+        parts = np.concatenate([linear, chain.u[0].real, chain.v[0].real], axis=2)
         sums = np.concatenate([chain.y[0], chain.e[0], chain.v[0]], axis=2).real
         self._stepper.remember(*(np.concatenate(part) for part in (chain.x, parts, sums)))
         self._stepper.forget()
         self.error = max(self.error, chain.error)
-        self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)
-        board.t, board.x = self.record.edges[-1].astype(board.t.dtype), chain.end.copy()
-        self._left = differentiation_matrix()[-1] @ chain.x[-1] / chain.lines.widths[-1]
+        begin = self.record.edges[-1]
+        self.record.extend(chain.edges.astype(board.t.dtype), chain.y, chain.u)
+        board.t, board.x = self.record.edges[-1], chain.end.copy()
+        width = float((board.t - (chain.edges[-2] if len(chain.edges) > 1 else begin))[0].real)
+        self._left = differentiation_matrix()[-1] @ chain.x[-1] / width
         e, v = chain.e[:, -1], chain.v[:, -1]
-        slope = self._stepper.quiet_slope(e, float(chain.lines.widths[-1]))
-        board.arrived(e, v, slope, noise=self._stepper.noise(), states=self._stepper.scale)
+        board.arrived(
+            e, v, self._stepper.quiet_slope(e, width), noise=self._stepper.noise(), states=self._stepper.scale
+        )
+
+    def _repeated(self, horizon: float) -> bool:
+        """Take whole periods of linear samplers between two kinks of the commands; return whether that has led on."""
+        if self._periods is None or self._torn or not self._driving.straight:
+            return False
+        count = self._periods.count(self._board.t, self._agenda.kink(horizon))
+        lines = self._driving.lines(self.now + np.array([0.0, count * self._periods.length[0].real])) if count else None
+        board = self._board
+        chain = None if lines is None else self._periods.follow(count, board.t, board.x, board.modes, lines)
+        if chain is None:
+            return False
+        self._take(chain)
+        self._agenda.clear_samples()
+        for number in sorted(range(len(self.system.laws)), key=self._pace, reverse=True):
+            self._sample_again(number)
+        return True
 
     def _first_width(self) -> float:
         """Return a first step from the fastest mode at this instant."""

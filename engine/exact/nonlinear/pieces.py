@@ -122,10 +122,10 @@ class Record:
         if z.shape[2]:
             self.largest = np.maximum(self.largest, np.abs(z[0].real).max(axis=0))
 
-    def extend(self, ends: Real, lanes: int, y: Array, u: Array) -> None:
-        """Add pieces that end at ``ends`` (K,), without infinitesimals; arrays (lanes, K, 17, ·)."""
+    def extend(self, ends: Array, y: Array, u: Array) -> None:
+        """Add pieces that end at ``ends`` (K, lanes), of a system without delays; arrays (lanes, K, 17, ·)."""
         for k, end in enumerate(ends):
-            self.append(np.full(lanes, end), y[:, k], u[:, k], np.zeros((lanes, y.shape[2], 0)))
+            self.append(end, y[:, k], u[:, k], np.zeros((len(end), y.shape[2], 0)))
 
     def stretch(self, moved: Real) -> None:
         """Let the last piece end later, or sooner, by infinitesimals (lanes,): its polynomials remain what they are."""
@@ -137,9 +137,7 @@ class Record:
 
     def curve(self, values: list[Array], index: int) -> Curve:
         """Return one signal of all pieces."""
-        lanes = len(self.edges[0])
-        edges = np.array([np.broadcast_to(edge, (lanes,)) for edge in self.edges])
-        return Curve(edges=edges, values=np.array([piece[:, :, index] for piece in values]))
+        return Curve(edges=np.array(self.edges), values=np.array([piece[:, :, index] for piece in values]))
 
     def delayed(self, times: Array, delays: Array, *, later: bool | npt.NDArray[np.bool_]) -> Array:
         """Return the delayed signals w(t) = z(t - delay), (lanes, N, m); 0 before the beginning.

@@ -82,11 +82,10 @@ def lines(signals: Sequence[Signal | None], times: Real, constants: Real) -> Lin
 class Chain:
     """Solved steps, with all that is recorded of them.
 
-    ``path`` (K, s + 1, n); ``x`` (K, 17, n), ``y`` and the other nodes (lanes, K, 17, ·); ``error`` of the outputs.
+    ``edges`` (K, lanes) where each ends; ``x`` (K, 17, n), ``y`` and the other nodes (lanes, K, 17, ·); ``error`` of the outputs.
     """
 
-    lines: Lines
-    path: Real
+    edges: Array
     x: Real
     u: Array
     y: Array
@@ -177,7 +176,8 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
     recorded = {
         name: _stepwise(part[:, kept], done) for name, part in (("u", at.u), ("y", y), ("e", flow.e), ("v", flow.v))
     }
-    return Chain(lines=straight, path=path, x=x[:done], error=error, end=end, **recorded)
+    edges = np.repeat(straight.times[1:, None], stepper.system.lanes, axis=1)
+    return Chain(edges=edges, x=x[:done], error=error, end=end, **recorded)
 
 
 def _stepwise(part: Array, count: int) -> Array:

@@ -74,9 +74,7 @@ class Curve:
     def slope(self) -> Curve:
         """The derivative with respect to time, piece by piece (jumps are not counted)."""
         width = np.diff(self.edges, axis=0)
-        return Curve(
-            edges=self.edges, values=np.einsum("jl,klp->kjp", differentiation_matrix(), self.values) / width[:, None, :]
-        )
+        return Curve(edges=self.edges, values=differentiation_matrix() @ self.values / width[:, None, :])
 
     def __add__(self, other: Array | float) -> Curve:
         return Curve(edges=self.edges, values=self.values + other)
@@ -298,7 +296,7 @@ class Curve:
         edges[1::2] = self.edges[:-1] + width / 2
         values = np.empty((2 * k, DEGREE + 1, lanes), dtype=np.result_type(self.values, self.edges))
         for half in (0, 1):
-            part = np.einsum("jl,klp->kjp", weights((NODES + half) / 2), self.values)
+            part = weights((NODES + half) / 2) @ self.values
             start = self.edges[:-1] + half * width / 2
             time = start[:, None, :] + NODES[None, :, None] * (width / 2)[:, None, :]
             values[half::2] = function(part, time)

@@ -1,0 +1,108 @@
+"""Whole periods of samplers at once, against a recurrence of the test's own: matrix exponentials between the instants."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import Diagram, compile_system
+from engine.exact.nonlinear.integrate import Integration
+from engine.model.tangent import INFINITESIMAL
+from engine.model.verdicts import Verdict
+from engine.signals import make
+from tests.unit.engine.diagrams import block, document
+
+H, KP, KI, KD, W = 1e-3, 0.4, 3.0, 0.004, 800.0
+PLANT = np.array([[0.0, 1.0, 0.0], [0.0, -20.0, 900.0], [0.0, 0.0, -2000.0]])
+"""A motor behind a lag: position, speed, current."""
+DRIVEN = np.array([0.0, 0.0, 2000.0])
+
+
+def loop(delay: float, offset: float, **limits: float) -> Diagram:
+    blocks = {
+        "r": block("input"), "v": block("input"), "e": block("sum", signs="++-"),
+        "c": block("sampled_pid", kp="=kp", ki=KI, kd=KD, filter_frequency=W, sample_time="=h", delay=delay, offset=offset, **limits),
+        "lag": block("transfer_function", numerator=[1.0], denominator=[1 / 2000.0, 1.0]),
+        "motor": block("transfer_function", numerator=[900.0], denominator=[1.0, 20.0, 0.0]),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "v -> e.in2", "motor -> e.in3", "e -> c", "c -> lag", "lag -> motor"]
+    return compile_system(document(blocks, wires, {"y": "motor", "u": "c"}, kp=KP, h=H))
+
+
+def command(t: float) -> float:
+    return 0.5 * max(t - 0.0213, 0.0) + (1.0 if t >= 0.0101 else 0.0)
+
+
+def recurrence(
+    end: float, delay: float, offset: float, kp: complex = KP, h: complex = H
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and positions half a sample before each sample from the second on; h may carry an infinitesimal."""
+    x, u, integral, error, derivative = np.zeros(3, complex), 0.0 + 0j, 0j, 0j, 0j
+
+    def on(width: complex) -> np.ndarray:
+        joint = np.zeros((4, 4), complex)
+        joint[:3, :3], joint[:3, 3] = PLANT * width, DRIVEN * u * width
+        return (expm(joint) @ [*x, 1.0])[:3]
+
+    times, found = [], []
+    x = on(offset)
+    for k in range(math.floor((end - offset) / H)):
+        now = offset + k * h
+        e = command(now.real) + 0.5j * now.imag * (now.real > 0.0213) - x[0]
+        integral += KI * h * e
+        derivative = (derivative + W * KD * (e - error)) / (1 + W * h)
+        error, asked = e, kp * e + integral + derivative
+        x = on(delay)
+        u = asked
+        rest = h - delay
+        times.append((now + delay + rest / 2).real)
+        # at a fixed instant: what the instant moves by is taken back
+        middle = on(rest / 2)
+        found.append(middle[0] - 1j * (now + delay + rest / 2).imag * middle[1])
+        x = on(rest)
+    return np.array(times), np.array(found)
+
+
+@pytest.mark.parametrize(("delay", "offset"), [(0.0, 0.0), (3e-4, 0.0), (1e-3, 0.0), (2e-4, 4e-4)])
+def test_a_response_and_its_slopes_are_those_of_the_recurrence(
+    delay: float, offset: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    single: list[float] = []
+    step = Integration._step
+
+    def counted(self: Integration, *rest: Any) -> None:
+        single.append(self.now)
+        step(self, *rest)
+
+    monkeypatch.setattr(Integration, "_step", counted)
+    evaluation = Evaluation(loop(delay, offset), gradient=["kp", "h"] if delay < H else ["kp"])
+    signals = {"r": make("step", {"start": 0.0101}), "v": make("ramp", {"start": 0.0213, "slope": 0.5})}
+    response = evaluation.simulated(signals, 1.5)
+    times, expected = recurrence(1.5, delay, offset)
+    curve = response.output("y")
+    assert response.sample("y", times) == pytest.approx(expected.real, rel=1e-11, abs=1e-12)
+    assert len(single) < 200  # of 1500 samples and as many updates
+    by_kp = recurrence(1.5, delay, offset, kp=KP + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
+    by_h = recurrence(1.5, delay, offset, h=H + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
+    for k in range(20, len(times), 97):
+        moved = evaluation.derivatives(curve.read(times[k]))
+        for found, wanted in zip(moved, (by_kp, by_h), strict=False):
+            assert found == pytest.approx(wanted[k], rel=1e-9, abs=1e-9 * np.abs(wanted).max())
+
+
+def test_a_limit_is_followed_sample_by_sample() -> None:
+    request = MetricRequest(metric="overshoot", signals={"r": make("step", {})}, output="y", duration=0.2)
+    free, far = (measure(loop(3e-4, 0.0, **limits), [request])[0][0].value for limits in ({}, {"upper": 1e6}))
+    assert far == pytest.approx(free, rel=1e-11)
+
+
+def test_a_loop_that_diverges_is_called_unstable() -> None:
+    response = Evaluation(loop(3e-4, 0.0), {"kp": 4000.0}).simulated({"r": make("step", {})}, 5.0)
+    assert response.outcome.verdict is Verdict.UNSTABLE
+    assert "grows beyond 1e+100" in response.outcome.advice
