@@ -5,12 +5,17 @@ y(t) = x_0(k)   for   t_k + delay <= t < t_(k+1) + delay,   t_k = offset + k T, 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Pattern, Signals
 from engine.model.errors import DiagramError
 from engine.model.parameters import Param, Scalar
+
+Array = npt.NDArray[Any]
 
 TIMING = (
     Param(
@@ -93,6 +98,11 @@ class Sampler(NonlinearElement):
     def linear(cls, values: Values) -> bool:
         """Return whether the law has nothing but its linear part."""
         return cls.linear_part(values) == values
+
+    @classmethod
+    def free(cls, before: Array, after: Array, values: Values) -> npt.NDArray[np.bool_]:
+        """Return at which of K samples no limit acts, (K,): there the linear part takes the states (n, K) from ``before`` to ``after``."""
+        return np.ones(before.shape[1], dtype=bool)
 
     @classmethod
     def update(cls, m: Moment, mode: Mode, values: Values) -> Signals:

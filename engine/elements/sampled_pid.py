@@ -11,12 +11,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.elements import _pid
 from engine.elements._base import Ports, Realization, Values
 from engine.elements._limited import LIMITS
 from engine.elements._nonlinear import Mode, Moment, Pattern, Signals, first
-from engine.elements._sampler import TIMING, Sampler
+from engine.elements._sampler import TIMING, Array, Sampler
 from engine.model.errors import DiagramError
 from engine.model.parameters import Param
 
@@ -150,6 +151,13 @@ class SampledPid(Sampler):
     def linear_part(cls, values: Values) -> Values:
         """Return the values without limits; anti-windup then has nothing to do."""
         return {**values, "lower": None, "upper": None, "rate": None}
+
+    @classmethod
+    def free(cls, before: Array, after: Array, values: Values) -> npt.NDArray[np.bool_]:
+        """Return at which samples the output wanted is within its limits, and as near to the one before as its rate lets it be."""
+        lower, upper = cls.limits(values)[0]
+        reach = np.inf if values["rate"] is None else values["rate"] * values["sample_time"]
+        return np.asarray((lower <= after[1]) & (after[1] <= upper) & (np.abs(after[1] - before[1]) <= reach))
 
     @classmethod
     def _limited(cls, wanted: Any, values: Values, before: Any = None) -> tuple[Any, int]:

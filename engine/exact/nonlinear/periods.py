@@ -1,4 +1,4 @@
-"""Whole periods of linear samplers at once: between two kinks of the commands every period does the same to the state.
+"""Whole periods of samplers at once: between two kinks of the commands, and where no limit acts, every period does the same.
 
     ζ(t + P) = Ψ ζ(t),   ζ = (x, s, 1),   s' = 1,   u = u_0 + u_1 s
 
@@ -36,6 +36,10 @@ _FEWEST: Final = 4
 """Fewer periods are followed step by step."""
 _MOST: Final = 1000
 """So many pieces are taken at once: the memory that they need is bounded."""
+_FIRST: Final = 32
+"""So many periods are tried at first; twice as many each time, until something ends them."""
+_PAUSE: Final = 16
+"""Then so many instants are followed step by step."""
 _EARLIER: Final = 1e-6
 """What ends at a kink, but for this part of the period, is left to the step that arrives there."""
 _MOST_EVENTS: Final = 64
@@ -44,7 +48,7 @@ _TOGETHER: Final = 1e-9
 
 
 class Periods:
-    """What a system does in each common period of its samplers, which are all that is not linear in it.
+    """What a system does in each common period of its samplers, which are all that is not linear in it, and without their limits.
 
     Parameters
     ----------
@@ -61,15 +65,18 @@ class Periods:
         instants = np.array([float(event.time[0].real) for event in events])
         grain = _TOGETHER * float(self.length[0].real)
         begins = np.flatnonzero(np.diff(instants, prepend=-np.inf) > grain).tolist()
+        self._most, self._pause = _FIRST, 0
+        samplers = [(law.element, law.states, law.real) for law in system.laws if issubclass(law.element, Sampler)]
+        self._limited = [own for own in samplers if not own[0].linear(own[2])]
         self._groups = [list(events[a:b]) for a, b in zip(begins, [*begins[1:], len(events)], strict=True)]
 
     @classmethod
     def of(cls, system: NonlinearSystem) -> Periods | None:
-        """Return the periods of a system; None where something else than linear samplers acts in it, or nothing repeats soon."""
+        """Return the periods of a system; None where something else than samplers acts in it, or nothing repeats soon."""
         laws = system.laws
         if not laws or system.delays.shape[-1] or not system.states:
             return None
-        if any(not (issubclass(law.element, Sampler) and law.element.linear(law.real)) for law in laws):
+        if not all(issubclass(law.element, Sampler) for law in laws):
             return None
         try:
             sampled = sampled_system(system)
@@ -87,10 +94,12 @@ class Periods:
         return nearest if apart[nearest] <= _TOGETHER * length else None
 
     def count(self, t: Array, until: float) -> int:
-        """Return how many whole periods there are from ``t`` (lanes,) to before ``until`` (s); 0 if ``t`` is no instant of the period."""
+        """Return how many whole periods to try from ``t`` (lanes,) to before ``until`` (s); 0 if ``t`` is no instant of the period."""
+        if self._pause > 0:
+            self._pause -= 1
+            return 0
         fitting = math.ceil((until - float(t[0].real)) / float(self.length[0].real) - _EARLIER) - 1
-        most = max(_FEWEST, _MOST // len(self._groups))
-        return min(most, fitting) if fitting >= _FEWEST and self._instant(t) is not None else 0
+        return min(self._most, fitting) if fitting >= _FEWEST and self._instant(t) is not None else 0
 
     def _instant(self, t: Array) -> int | None:
         """Return which instant of the period ``t`` is, its infinitesimals included; None for none."""
@@ -111,16 +120,19 @@ class Periods:
         assert first is not None
         lanes, n = x.shape
         u, rise = lines.first[0], (lines.last[0] - lines.first[0]) / lines.widths[0]
-        until, nodes, whole = self._maps(first, u, rise)
+        until, nodes, jumped = self._maps(first, u, rise)
+        whole = jumped[-1]
         since = 1j * t.imag[:, None] if np.iscomplexobj(t) else np.zeros((lanes, 1))
         starts = np.empty((count + 1, lanes, n + 2), dtype=np.result_type(whole, x, since))
         starts[0] = np.concatenate([x, since, np.ones((lanes, 1))], axis=1)
         for k in range(count):
             starts[k + 1] = (whole @ starts[k, :, :, None])[..., 0]
-        beyond = ~(np.abs(starts[:, 0, :n].real).max(axis=1) <= LARGEST)
-        if beyond.any():  # where it ends is seen step by step
-            count = int(np.argmax(beyond)) - 1
+        good = self._followed(starts[:, 0].real, nodes[:, -1, 0].real, jumped[:, 0, :n].real)
+        if not good.all():  # what ends it is seen step by step
+            count = int(np.argmin(good))
             starts = starts[: count + 1]
+        self._most = min(2 * self._most, max(_FEWEST, _MOST // len(self._groups))) if good.all() else _FIRST
+        self._pause = 0 if good.all() else _PAUSE
         if count < _FEWEST:
             return None
         path = np.einsum("qjlab,klb->lkqja", nodes, starts[:-1], optimize=True).reshape(lanes, -1, n)
@@ -140,19 +152,36 @@ class Periods:
         real = path[0].real.reshape(len(edges), len(NODES), n)
         return Chain(edges=edges, x=real, error=0.0, end=starts[-1, :, :n], **recorded)
 
+    def _followed(self, starts: Array, before: Array, after: Array) -> npt.NDArray[np.bool_]:
+        """Return in which of K periods the numbers do not end and no limit acts, (K,).
+
+        ``starts`` (K + 1, n + 2) are the begins of the periods, ``before`` and ``after`` (q, n, n + 2) what they become on both sides of
+        each instant.
+        """
+        good = np.asarray(np.abs(starts[1:, : self._sampled.n]).max(axis=1) <= LARGEST)
+        for element, states, values in self._limited:
+            for old, new in zip(before[:, states], after[:, states], strict=True):
+                good &= element.free(old @ starts[:-1].T, new @ starts[:-1].T, values)
+        return good
+
     def _maps(self, first: int, u: Array, rise: Array) -> tuple[Array, Array, Array]:
-        """Return when each piece of a period ends (q, lanes), its states of (x, s, 1) at the begin (q, 17, lanes, n, n + 2), and Ψ."""
+        """Return what (x, s, 1) at the begin of a period becomes in each of its pieces.
+
+        When it ends (q, lanes) after the begin, its states (q, 17, lanes, n, n + 2), and what follows the jump there
+        (q, lanes, n + 2, n + 2): the last is Ψ.
+        """
         n, groups = self._sampled.n, self._groups
         flow = self._driven(u, rise)
         whole: Array = np.zeros_like(flow) + np.eye(n + 2)
-        since, until, nodes = groups[first][0].time, [], []
+        since, until, nodes, jumped = groups[first][0].time, [], [], []
         for number in range(1, len(groups) + 1):
             turns, k = divmod(first + number, len(groups))
             until.append(groups[k][0].time + turns * self.length)
             on = exponentials(flow * (NODES[:, None] * (until[-1] - since))[:, :, None, None])
             nodes.append((on @ whole)[:, :, :n])
             whole, since = self._jump(k, u, rise) @ on[-1] @ whole, until[-1]
-        return np.stack(until) - groups[first][0].time, np.stack(nodes), whole
+            jumped.append(whole)
+        return np.stack(until) - groups[first][0].time, np.stack(nodes), np.stack(jumped)
 
     def _driven(self, u: Array, rise: Array) -> Array:
         """Return the rates of (x, s, 1) between the instants, (lanes, n + 2, n + 2)."""

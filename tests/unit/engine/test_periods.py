@@ -10,7 +10,6 @@ import pytest
 from scipy.linalg import expm
 
 from engine.analysis.evaluation import Evaluation
-from engine.analysis.measuring import MetricRequest, measure
 from engine.diagram.diagram import Diagram, compile_system
 from engine.exact.nonlinear.integrate import Integration
 from engine.model.tangent import INFINITESIMAL
@@ -40,7 +39,7 @@ def command(t: float) -> float:
 
 
 def recurrence(
-    end: float, delay: float, offset: float, kp: complex = KP, h: complex = H
+    end: float, delay: float, offset: float, *, kp: complex = KP, h: complex = H, limit: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return times and positions half a sample before each sample from the second on; h may carry an infinitesimal."""
     x, u, integral, error, derivative = np.zeros(3, complex), 0.0 + 0j, 0j, 0j, 0j
@@ -59,7 +58,7 @@ def recurrence(
         derivative = (derivative + W * KD * (e - error)) / (1 + W * h)
         error, asked = e, kp * e + integral + derivative
         x = on(delay)
-        u = asked
+        u = asked if abs(asked.real) <= limit else np.copysign(limit, asked.real) + 0j
         rest = h - delay
         times.append((now + delay + rest / 2).real)
         # at a fixed instant: what the instant moves by is taken back
@@ -83,23 +82,34 @@ def test_a_response_and_its_slopes_are_those_of_the_recurrence(
     monkeypatch.setattr(Integration, "_step", counted)
     evaluation = Evaluation(loop(delay, offset), gradient=["kp", "h"] if delay < H else ["kp"])
     signals = {"r": make("step", {"start": 0.0101}), "v": make("ramp", {"start": 0.0213, "slope": 0.5})}
-    response = evaluation.simulated(signals, 1.5)
-    times, expected = recurrence(1.5, delay, offset)
+    response = evaluation.simulated(signals, 0.8)
+    times, expected = recurrence(0.8, delay, offset)
     curve = response.output("y")
     assert response.sample("y", times) == pytest.approx(expected.real, rel=1e-11, abs=1e-12)
-    assert len(single) < 200  # of 1500 samples and as many updates
-    by_kp = recurrence(1.5, delay, offset, kp=KP + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
-    by_h = recurrence(1.5, delay, offset, h=H + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
+    assert len(single) < 200  # of 800 samples and as many updates
+    by_kp = recurrence(0.8, delay, offset, kp=KP + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
+    by_h = recurrence(0.8, delay, offset, h=H + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
     for k in range(20, len(times), 97):
         moved = evaluation.derivatives(curve.read(times[k]))
         for found, wanted in zip(moved, (by_kp, by_h), strict=False):
             assert found == pytest.approx(wanted[k], rel=1e-9, abs=1e-9 * np.abs(wanted).max())
 
 
-def test_a_limit_is_followed_sample_by_sample() -> None:
-    request = MetricRequest(metric="overshoot", signals={"r": make("step", {})}, output="y", duration=0.2)
-    free, far = (measure(loop(3e-4, 0.0, **limits), [request])[0][0].value for limits in ({}, {"upper": 1e6}))
-    assert far == pytest.approx(free, rel=1e-11)
+@pytest.mark.parametrize("limit", [0.02, 0.1])
+def test_limits_are_left_to_single_samples(limit: float) -> None:
+    made = loop(3e-4, 0.0, lower=-limit, upper=limit, anti_windup="none")
+    evaluation = Evaluation(made, gradient=["kp"])
+    signals = {"r": make("step", {"start": 0.0101}), "v": make("ramp", {"start": 0.0213, "slope": 0.5})}
+    response = evaluation.simulated(signals, 0.6)
+    times, expected = recurrence(0.6, 3e-4, 0.0, kp=KP + 1j * INFINITESIMAL, limit=limit)
+    assert response.sample("y", times) == pytest.approx(expected.real, rel=1e-11, abs=1e-12)
+    by_kp, curve = expected.imag / INFINITESIMAL, response.output("y")
+    for k in range(20, len(times), 97):
+        assert evaluation.derivatives(curve.read(times[k]))[0] == pytest.approx(
+            by_kp[k], rel=1e-9, abs=1e-9 * np.abs(by_kp).max()
+        )
+    effort = response.outcome.output(response.outputs.index("u")).values[:, :, 0].real
+    assert np.abs(effort).max() == pytest.approx(limit)
 
 
 def test_a_loop_that_diverges_is_called_unstable() -> None:
