@@ -42,7 +42,10 @@ _PAUSE: Final = 16
 """Then so many instants are followed step by step."""
 _EARLIER: Final = 1e-6
 """What ends at a kink, but for this part of the period, is left to the step that arrives there."""
-_MOST_EVENTS: Final = 64
+_MOST_PIECES: Final = 64
+"""A period that takes more is followed step by step, whose steps grow once what is fast has gone."""
+_TURNED: Final = 4.0
+"""A polynomial of degree 16 is an exponential to rounding as long as the fastest mode turns or decays by no more, rad."""
 _TOGETHER: Final = 1e-9
 """Instants closer than this part of the common period are one."""
 
@@ -69,6 +72,10 @@ class Periods:
         samplers = [(law.element, law.states, law.real) for law in system.laws if issubclass(law.element, Sampler)]
         self._limited = [own for own in samplers if not own[0].linear(own[2])]
         self._groups = [list(events[a:b]) for a, b in zip(begins, [*begins[1:], len(events)], strict=True)]
+        times = [group[0].time for group in self._groups]
+        gaps = np.diff(np.array([*times, times[0] + self.length])[:, 0].real)
+        fastest = float(np.abs(np.linalg.eigvals(sampled.flow[0].real)).max())
+        self._parts = np.maximum(1, np.ceil(fastest * gaps / _TURNED)).astype(int)
 
     @classmethod
     def of(cls, system: NonlinearSystem) -> Periods | None:
@@ -83,15 +90,15 @@ class Periods:
             events = sampled.events()
         except EngineError:
             return None
-        return cls(system, sampled, events) if sampled.n == system.states and len(events) <= _MOST_EVENTS else None
+        if sampled.n != system.states or len(events) > _MOST_PIECES:
+            return None
+        made = cls(system, sampled, events)
+        return made if made.pieces <= _MOST_PIECES else None
 
-    def begin(self, now: float) -> int | None:
-        """Return which instant of the period ``now`` (s) is; None for none."""
-        length = float(self.length[0].real)
-        apart = np.array([float(group[0].time[0].real) for group in self._groups]) - now
-        apart = np.abs(apart - length * np.round(apart / length))
-        nearest = int(np.argmin(apart))
-        return nearest if apart[nearest] <= _TOGETHER * length else None
+    @property
+    def pieces(self) -> int:
+        """How many polynomials a period takes."""
+        return int(self._parts.sum())
 
     def count(self, t: Array, until: float) -> int:
         """Return how many whole periods to try from ``t`` (lanes,) to before ``until`` (s); 0 if ``t`` is no instant of the period."""
@@ -120,18 +127,18 @@ class Periods:
         assert first is not None
         lanes, n = x.shape
         u, rise = lines.first[0], (lines.last[0] - lines.first[0]) / lines.widths[0]
-        until, nodes, jumped = self._maps(first, u, rise)
-        whole = jumped[-1]
+        until, nodes, sides = self._maps(first, u, rise)
+        whole = sides[-1][1]
         since = 1j * t.imag[:, None] if np.iscomplexobj(t) else np.zeros((lanes, 1))
         starts = np.empty((count + 1, lanes, n + 2), dtype=np.result_type(whole, x, since))
         starts[0] = np.concatenate([x, since, np.ones((lanes, 1))], axis=1)
         for k in range(count):
             starts[k + 1] = (whole @ starts[k, :, :, None])[..., 0]
-        good = self._followed(starts[:, 0].real, nodes[:, -1, 0].real, jumped[:, 0, :n].real)
+        good = self._followed(starts[:, 0].real, sides)
         if not good.all():  # what ends it is seen step by step
             count = int(np.argmin(good))
             starts = starts[: count + 1]
-        self._most = min(2 * self._most, max(_FEWEST, _MOST // len(self._groups))) if good.all() else _FIRST
+        self._most = min(2 * self._most, max(_FEWEST, _MOST // self.pieces)) if good.all() else _FIRST
         self._pause = 0 if good.all() else _PAUSE
         if count < _FEWEST:
             return None
@@ -152,36 +159,40 @@ class Periods:
         real = path[0].real.reshape(len(edges), len(NODES), n)
         return Chain(edges=edges, x=real, error=0.0, end=starts[-1, :, :n], **recorded)
 
-    def _followed(self, starts: Array, before: Array, after: Array) -> npt.NDArray[np.bool_]:
+    def _followed(self, starts: Array, sides: Sequence[tuple[Array, Array]]) -> npt.NDArray[np.bool_]:
         """Return in which of K periods the numbers do not end and no limit acts, (K,).
 
-        ``starts`` (K + 1, n + 2) are the begins of the periods, ``before`` and ``after`` (q, n, n + 2) what they become on both sides of
-        each instant.
+        ``starts`` (K + 1, n + 2) are the begins of the periods, ``sides`` what they become before and after each instant.
         """
         good = np.asarray(np.abs(starts[1:, : self._sampled.n]).max(axis=1) <= LARGEST)
         for element, states, values in self._limited:
-            for old, new in zip(before[:, states], after[:, states], strict=True):
-                good &= element.free(old @ starts[:-1].T, new @ starts[:-1].T, values)
+            for sides_here in sides:
+                before, after = (side[0, states].real @ starts[:-1].T for side in sides_here)
+                good &= element.free(before, after, values)
         return good
 
-    def _maps(self, first: int, u: Array, rise: Array) -> tuple[Array, Array, Array]:
+    def _maps(self, first: int, u: Array, rise: Array) -> tuple[Array, Array, list[tuple[Array, Array]]]:
         """Return what (x, s, 1) at the begin of a period becomes in each of its pieces.
 
-        When it ends (q, lanes) after the begin, its states (q, 17, lanes, n, n + 2), and what follows the jump there
-        (q, lanes, n + 2, n + 2): the last is Ψ.
+        When it ends (q, lanes) after the begin, its states (q, 17, lanes, n, n + 2), and before and after each instant all of it,
+        (lanes, n + 2, n + 2): the last is Ψ.
         """
         n, groups = self._sampled.n, self._groups
         flow = self._driven(u, rise)
         whole: Array = np.zeros_like(flow) + np.eye(n + 2)
-        since, until, nodes, jumped = groups[first][0].time, [], [], []
-        for number in range(1, len(groups) + 1):
-            turns, k = divmod(first + number, len(groups))
-            until.append(groups[k][0].time + turns * self.length)
-            on = exponentials(flow * (NODES[:, None] * (until[-1] - since))[:, :, None, None])
-            nodes.append((on @ whole)[:, :, :n])
-            whole, since = self._jump(k, u, rise) @ on[-1] @ whole, until[-1]
-            jumped.append(whole)
-        return np.stack(until) - groups[first][0].time, np.stack(nodes), np.stack(jumped)
+        since, until, nodes, sides = groups[first][0].time, [], [], []
+        for number in range(first, first + len(groups)):
+            turns, k = divmod(number + 1, len(groups))
+            parts = int(self._parts[number % len(groups)])
+            width = (groups[k][0].time + turns * self.length - since) / parts
+            on = exponentials(flow * (NODES[:, None] * width)[:, :, None, None])
+            for part in range(1, parts + 1):
+                until.append(since + part * width)
+                nodes.append((on @ whole)[:, :, :n])
+                whole = on[-1] @ whole
+            sides.append((whole, self._jump(k, u, rise) @ whole))
+            whole, since = sides[-1][1], until[-1]
+        return np.stack(until) - groups[first][0].time, np.stack(nodes), sides
 
     def _driven(self, u: Array, rise: Array) -> Array:
         """Return the rates of (x, s, 1) between the instants, (lanes, n + 2, n + 2)."""

@@ -21,9 +21,10 @@ H, KP, KI, KD, W = 1e-3, 0.4, 3.0, 0.004, 800.0
 PLANT = np.array([[0.0, 1.0, 0.0], [0.0, -20.0, 900.0], [0.0, 0.0, -2000.0]])
 """A motor behind a lag: position, speed, current."""
 DRIVEN = np.array([0.0, 0.0, 2000.0])
+PART = 0.37  # where between two instants a response is looked at
 
 
-def loop(delay: float, offset: float, **limits: float) -> Diagram:
+def loop(delay: float, offset: float, h: float = H, **limits: Any) -> Diagram:
     blocks = {
         "r": block("input"), "v": block("input"), "e": block("sum", signs="++-"),
         "c": block("sampled_pid", kp="=kp", ki=KI, kd=KD, filter_frequency=W, sample_time="=h", delay=delay, offset=offset, **limits),
@@ -31,7 +32,7 @@ def loop(delay: float, offset: float, **limits: float) -> Diagram:
         "motor": block("transfer_function", numerator=[900.0], denominator=[1.0, 20.0, 0.0]),
     }  # fmt: skip
     wires = ["r -> e.in1", "v -> e.in2", "motor -> e.in3", "e -> c", "c -> lag", "lag -> motor"]
-    return compile_system(document(blocks, wires, {"y": "motor", "u": "c"}, kp=KP, h=H))
+    return compile_system(document(blocks, wires, {"y": "motor", "i": "lag", "u": "c"}, kp=KP, h=h))
 
 
 def command(t: float) -> float:
@@ -41,7 +42,7 @@ def command(t: float) -> float:
 def recurrence(
     end: float, delay: float, offset: float, *, kp: complex = KP, h: complex = H, limit: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and positions half a sample before each sample from the second on; h may carry an infinitesimal."""
+    """Return times, and positions and currents a while after each output; h may carry an infinitesimal."""
     x, u, integral, error, derivative = np.zeros(3, complex), 0.0 + 0j, 0j, 0j, 0j
 
     def on(width: complex) -> np.ndarray:
@@ -51,7 +52,7 @@ def recurrence(
 
     times, found = [], []
     x = on(offset)
-    for k in range(math.floor((end - offset) / H)):
+    for k in range(math.floor((end - offset) / h.real)):
         now = offset + k * h
         e = command(now.real) + 0.5j * now.imag * (now.real > 0.0213) - x[0]
         integral += KI * h * e
@@ -60,17 +61,20 @@ def recurrence(
         x = on(delay)
         u = asked if abs(asked.real) <= limit else np.copysign(limit, asked.real) + 0j
         rest = h - delay
-        times.append((now + delay + rest / 2).real)
+        times.append((now + delay + PART * rest).real)
         # at a fixed instant: what the instant moves by is taken back
-        middle = on(rest / 2)
-        found.append(middle[0] - 1j * (now + delay + rest / 2).imag * middle[1])
+        middle = on(PART * rest)
+        rate = PLANT @ middle + DRIVEN * u
+        found.append((middle - 1j * (now + delay + PART * rest).imag * rate)[[0, 2]])
         x = on(rest)
-    return np.array(times), np.array(found)
+    return np.array(times), np.array(found).T
 
 
-@pytest.mark.parametrize(("delay", "offset"), [(0.0, 0.0), (3e-4, 0.0), (1e-3, 0.0), (2e-4, 4e-4)])
+@pytest.mark.parametrize(
+    ("delay", "offset", "h"), [(0.0, 0.0, H), (3e-4, 0.0, H), (1e-3, 0.0, H), (2e-4, 4e-4, H), (1e-3, 0.0, 1.5e-2)]
+)
 def test_a_response_and_its_slopes_are_those_of_the_recurrence(
-    delay: float, offset: float, monkeypatch: pytest.MonkeyPatch
+    delay: float, offset: float, h: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     single: list[float] = []
     step = Integration._step
@@ -80,19 +84,21 @@ def test_a_response_and_its_slopes_are_those_of_the_recurrence(
         step(self, *rest)
 
     monkeypatch.setattr(Integration, "_step", counted)
-    evaluation = Evaluation(loop(delay, offset), gradient=["kp", "h"] if delay < H else ["kp"])
+    evaluation = Evaluation(loop(delay, offset, h), gradient=["kp", "h"] if delay < h else ["kp"])
     signals = {"r": make("step", {"start": 0.0101}), "v": make("ramp", {"start": 0.0213, "slope": 0.5})}
     response = evaluation.simulated(signals, 0.8)
-    times, expected = recurrence(0.8, delay, offset)
-    curve = response.output("y")
-    assert response.sample("y", times) == pytest.approx(expected.real, rel=1e-11, abs=1e-12)
+    times, expected = recurrence(0.8, delay, offset, h=h)
+    for name, wanted in zip("yi", expected.real, strict=True):
+        assert response.sample(name, times) == pytest.approx(wanted, rel=1e-11, abs=1e-11 * np.abs(wanted).max())
     assert len(single) < 200  # of 800 samples and as many updates
-    by_kp = recurrence(0.8, delay, offset, kp=KP + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
-    by_h = recurrence(0.8, delay, offset, h=H + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
-    for k in range(20, len(times), 97):
-        moved = evaluation.derivatives(curve.read(times[k]))
-        for found, wanted in zip(moved, (by_kp, by_h), strict=False):
-            assert found == pytest.approx(wanted[k], rel=1e-9, abs=1e-9 * np.abs(wanted).max())
+    by_kp = recurrence(0.8, delay, offset, kp=KP + 1j * INFINITESIMAL, h=h)[1].imag / INFINITESIMAL
+    by_h = recurrence(0.8, delay, offset, h=h + 1j * INFINITESIMAL)[1].imag / INFINITESIMAL
+    for signal, name in enumerate("yi"):
+        curve = response.output(name)
+        for k in range(len(times) % 9, len(times), len(times) // 9):
+            moved = evaluation.derivatives(curve.read(times[k]))
+            for found, wanted in zip(moved, (by_kp[signal], by_h[signal]), strict=False):
+                assert found == pytest.approx(wanted[k], rel=1e-9, abs=1e-9 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("limit", [0.02, 0.1])
@@ -102,9 +108,9 @@ def test_limits_are_left_to_single_samples(limit: float) -> None:
     signals = {"r": make("step", {"start": 0.0101}), "v": make("ramp", {"start": 0.0213, "slope": 0.5})}
     response = evaluation.simulated(signals, 0.6)
     times, expected = recurrence(0.6, 3e-4, 0.0, kp=KP + 1j * INFINITESIMAL, limit=limit)
-    assert response.sample("y", times) == pytest.approx(expected.real, rel=1e-11, abs=1e-12)
-    by_kp, curve = expected.imag / INFINITESIMAL, response.output("y")
-    for k in range(20, len(times), 97):
+    assert response.sample("y", times) == pytest.approx(expected[0].real, rel=1e-11, abs=1e-12)
+    by_kp, curve = expected[0].imag / INFINITESIMAL, response.output("y")
+    for k in range(len(times) % 9, len(times), len(times) // 9):
         assert evaluation.derivatives(curve.read(times[k]))[0] == pytest.approx(
             by_kp[k], rel=1e-9, abs=1e-9 * np.abs(by_kp).max()
         )
