@@ -3,6 +3,8 @@ import type { Point, Zone, ZoneMoved } from "./types";
 
 /** Pixels that an arrow key moves the edge of a zone. */
 const STEP = 3;
+/** ARIA knows no exponents: a gain of 0 dB that rounding has left at 6e-15 would be no value. */
+const PLAIN = new Intl.NumberFormat("en", { useGrouping: false, maximumSignificantDigits: 6 });
 
 /** The grips at the edges of zones: dragged with a pointer, or moved with the arrow keys. */
 export class Handles {
@@ -38,7 +40,7 @@ export class Handles {
       if (grip.getAttribute("aria-valuetext") !== handle!.text) {
         grip.setAttribute("aria-label", handle!.label);
         grip.setAttribute("aria-valuetext", handle!.text);
-        grip.setAttribute("aria-valuenow", String(handle!.axis === "x" ? handle!.at[0] : handle!.at[1]));
+        grip.setAttribute("aria-valuenow", PLAIN.format(handle!.axis === "x" ? handle!.at[0] : handle!.at[1]));
         grip.title = handle!.text;
       }
     }
