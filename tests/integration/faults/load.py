@@ -47,9 +47,11 @@ def start_worker(
 
 
 @contextmanager
-def workers(url: str, count: int, *, log: Path | None = None) -> Iterator[list[subprocess.Popen[bytes]]]:
+def workers(
+    url: str, count: int, *, log: Path | None = None, heartbeat: float = 0.2
+) -> Iterator[list[subprocess.Popen[bytes]]]:
     """Run workers until the end."""
-    running = [start_worker(url, log=log) for _ in range(count)]
+    running = [start_worker(url, log=log, heartbeat=heartbeat) for _ in range(count)]
     try:
         yield running
     finally:
