@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from api.formats import (
     MOST_CHANNELS,
@@ -110,12 +110,16 @@ def _recording(head: _Head, channels: Sequence[Column], columns: SideBySide) -> 
     for one in channels:
         assert one.axis is not None
         group = groups[seen[one.axis].digest]
-        shared = {"count": seen[one.cell].count, "start_time": _instant(head, seen[one.axis]), "group": group}
+        shared: dict[str, Any] = {
+            "count": seen[one.cell].count,
+            "start_time": _instant(head, seen[one.axis]),
+            "group": group,
+        }
         if not any(other.group == group for other in series):
-            series.append(Series(name=f"time of {group}", index=one.axis, unit="ms", role="time", **shared))  # type: ignore[arg-type]
+            series.append(Series(name=f"time of {group}", index=one.axis, unit="ms", role="time", **shared))
             places.append(axes[one.axis])
         name, (unit, quantity) = head.said("Name", one.cell), _unit(head.said("Unit", one.cell))
-        series.append(Series(name=name, index=one.cell, unit=unit, quantity=quantity, **shared))  # type: ignore[arg-type]
+        series.append(Series(name=name, index=one.cell, unit=unit, quantity=quantity, **shared))
         places.append(one)
         if (head.said("Offset", one.cell) or "0", head.said("ScaleFactor", one.cell) or "1") != ("0", "1"):
             scaled.append(name)
