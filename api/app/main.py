@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from api.app import live, pages
@@ -129,6 +132,11 @@ class Application(FastAPI):
         return document
 
 
+def _contract(request: Request) -> Response:
+    """Return the OpenAPI document; making it takes seconds the first time, in which a thread lets others be answered."""
+    return JSONResponse(request.app.openapi())
+
+
 def _telemetry(traces: Traces) -> TelemetryConfig:
     """Return how the application traces its requests."""
     if traces.provider is None:
@@ -200,6 +208,7 @@ def _add_routes(app: FastAPI) -> None:
     app.include_router(HEALTH)
     app.include_router(SIGN_IN, dependencies=[Depends(once)])
     app.include_router(live.router)
+    app.router.routes.append(Route("/openapi.json", _contract))
     app.router.routes.extend(pages.ROUTES)  # the last ones: they answer every address that no other does
 
 
@@ -233,8 +242,7 @@ def create_app(
         lifespan=_lifespan(
             chosen, beside=beside, siblings=siblings, keeps_time=keeps_time, metrics=metrics, traces=traces
         ),
-        docs_url=None,  # the reference is one of the pages
-        redoc_url=None,
+        openapi_url=None,  # a route of its own serves it, and the reference is one of the pages
         separate_input_output_schemas=False,
         telemetry=_telemetry(traces),
     )

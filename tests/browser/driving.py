@@ -23,8 +23,8 @@ PAGES = ROOT / "api" / "static"
 #: The distribution's browser: nothing is downloaded.
 CHROMIUM = os.environ.get("SERVOTUNE_TEST_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 _ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
-#: Seconds until the service must answer: beside other tests it waits for its processor.
-_PATIENCE = 240
+#: Seconds in which whatever is waited for must come: beside other tests everything waits for its processor.
+PATIENCE = 240
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 
@@ -42,7 +42,9 @@ class Running:
         return f"http://127.0.0.1:{self.port}"
 
     def client(self) -> httpx.Client:
-        return httpx.Client(base_url=self.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=60, trust_env=False)
+        return httpx.Client(
+            base_url=self.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=PATIENCE, trust_env=False
+        )
 
     def start(self) -> None:
         code = f"import sys; from api.commands.service import serve; sys.exit(serve(['--port', '{self.port}']))"
@@ -50,11 +52,12 @@ class Running:
             **os.environ,
             "SERVOTUNE_DATABASE_URL": f"sqlite:///{self.folder / 'service.db'}",
             "SERVOTUNE_BOOTSTRAP_KEY": KEY,
+            "SERVOTUNE_REQUEST_SECONDS": str(PATIENCE),
             "PYTHONPATH": str(ROOT),
         }
         with (self.folder / "service.log").open("ab") as log:
             self.process = subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=log, stderr=log)
-        deadline = time.monotonic() + _PATIENCE
+        deadline = time.monotonic() + PATIENCE
         with self.client() as client:
             while time.monotonic() < deadline:
                 try:
@@ -63,12 +66,12 @@ class Running:
                 except httpx.TransportError:
                     assert self.process.poll() is None, (self.folder / "service.log").read_text()
                 time.sleep(0.1)
-        raise AssertionError(f"the service was not ready within {_PATIENCE} s")
+        raise AssertionError(f"the service was not ready within {PATIENCE} s")
 
     def stop(self) -> None:
         assert self.process is not None
         self.process.terminate()
-        self.process.wait(timeout=_PATIENCE)
+        self.process.wait(timeout=PATIENCE)
 
 
 @contextmanager
@@ -108,8 +111,7 @@ def signed_in(
         reduced_motion="reduce",
         has_touch=touch,
     )
-    context.set_default_timeout(30_000)
-    context.set_default_navigation_timeout(90_000)
+    context.set_default_timeout(1000 * PATIENCE)
     page = context.new_page()
     page.goto("/systems")
     page.get_by_test_id("key").fill(key)

@@ -14,13 +14,11 @@ import httpx
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from tests.browser.driving import ROOT
+from tests.browser.driving import PATIENCE, ROOT
 from tests.browser.test_datasets import recording as text_recording
 from tests.browser.test_matching import LAG, RATE, of_a_lag, send
 from tests.integration.api.rigs import AGENT, MEASUREMENT, RIG, deliver, samples
 
-#: Seconds until a job must have come to its end.
-PATIENCE = 240
 _UNDER_WAY = {"queued", "claimed", "running", "uploading", "parsing"}
 _TEMPLATES = ROOT / "web" / "src" / "features" / "systems" / "templates.json"
 STUDIES = ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
@@ -253,7 +251,7 @@ def imported(context: BrowserContext, folder: Path, name: str = "run of the walk
     page.locator("input[type=file]").set_input_files(file)
     page.get_by_role("button", name="Send").click()
     page.wait_for_url("**/datasets/ds_*/import**")
-    page.get_by_role("textbox", name="Unit of column 2").wait_for(timeout=1000 * PATIENCE)
+    page.get_by_role("textbox", name="Unit of column 2").wait_for()
     address = page.url
     page.close()
     return address

@@ -26,7 +26,6 @@ from tests.browser.driving import KEY, ROOT, Running, launched, running, signed_
 from tests.browser.places import (
     CALM,
     PANEL,
-    PATIENCE,
     QUICK,
     SEARCH,
     STUDIES,
@@ -218,7 +217,7 @@ def taken(context: BrowserContext, address: str, there: str, file: Path) -> None
     """Write the picture of a page."""
     page = context.new_page()
     page.goto(address)
-    page.locator(there).first.wait_for(timeout=1000 * PATIENCE)
+    page.locator(there).first.wait_for()
     settled(page)
     # Long pages as a whole, within reason; what fills its window is as large as that.
     size = context.pages[-1].viewport_size or {"width": SIZE[0], "height": SIZE[1]}

@@ -20,8 +20,6 @@ MOST_SHIFT = 0.1
 _OF_COLOURS = ["color-contrast", "link-in-text-block"]
 _FIELDS = "input, select, textarea"
 _WINDOWS = ((1024, 768), (820, 1180), (768, 1024))
-#: Milliseconds until a page must have followed its window.
-_PATIENCE = 10_000
 
 
 @contextmanager
@@ -51,7 +49,7 @@ def quiet(page: Page, *, but: str = "") -> Iterator[list[str]]:
     page.remove_listener("requestfailed", failed)
 
 
-def unsound(page: Page, scheme: Scheme, *, patience: float = _PATIENCE) -> list[str]:
+def unsound(page: Page, scheme: Scheme, *, patience: float | None = None) -> list[str]:
     """Return what is wrong with a page that shows one theme; it shows the other one afterwards, and its window keeps its size."""
     found = faults_of_both_themes(page, scheme)
     jumped = shifted(page)
@@ -114,7 +112,7 @@ def unreachable(page: Page) -> list[str]:
     return found
 
 
-def too_wide(page: Page, patience: float) -> list[str]:
+def too_wide(page: Page, patience: float | None) -> list[str]:
     """Return the windows in which a page must be scrolled sideways after some milliseconds; its own size comes back."""
     before = page.viewport_size
     assert before is not None

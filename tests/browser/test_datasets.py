@@ -45,13 +45,13 @@ def test_a_file_of_frequency_responses_is_shown_and_has_modes(page: Page, tmp_pa
     page.wait_for_url("**/datasets/ds_*/import**")
     # There is nothing to be mapped: what the file holds is shown, and taken whole.
     table = page.get_by_test_id("function-table")
-    expect(table.get_by_role("row").filter(has_text="frequency response")).to_contain_text("400", timeout=90_000)
+    expect(table.get_by_role("row").filter(has_text="frequency response")).to_contain_text("400")
     expect(table.get_by_role("row").filter(has_text="frequency response")).to_contain_text("mm / N")
     expect(page.get_by_text("Frequency rises and is a frequency (Hz)")).to_be_visible()
     assert faults(page) == []
     page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
-    expect(page.get_by_role("heading", name="Functions of frequency")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("heading", name="Functions of frequency")).to_be_visible()
     expect(page.get_by_role("img", name="Magnitude")).to_be_visible()
     expect(page.get_by_role("img", name="Phase")).to_be_visible()
     assert faults(page) == []
@@ -63,7 +63,7 @@ def test_a_file_of_frequency_responses_is_shown_and_has_modes(page: Page, tmp_pa
     expect(page.get_by_role("combobox", name="Input")).to_have_value("hammer")
     page.get_by_label("Natural frequencies").check()
     page.get_by_role("button", name="Estimate").click()
-    expect(page.get_by_test_id("modes").get_by_role("row").nth(1)).to_contain_text("75.4", timeout=60_000)
+    expect(page.get_by_test_id("modes").get_by_role("row").nth(1)).to_contain_text("75.4")
     expect(page.get_by_text("As the file has them")).to_be_visible()
     assert faults(page) == []
 
@@ -94,7 +94,7 @@ def test_groups_of_a_file_are_taken_by_their_boxes(page: Page, tmp_path, client)
     page.get_by_role("button", name="Send").click()
     page.wait_for_url("**/datasets/ds_*/import**")
     groups = page.get_by_test_id("import-groups")
-    expect(groups).to_contain_text("1 of 1 channel, 1000 samples, 1000 a second", timeout=90_000)
+    expect(groups).to_contain_text("1 of 1 channel, 1000 samples, 1000 a second")
     expect(groups).to_contain_text("2 of 2 channels, 77 samples, 10 a second")
     assert faults(page) == []
     take = page.get_by_role("checkbox", name="Take temperature")
@@ -107,12 +107,12 @@ def test_groups_of_a_file_are_taken_by_their_boxes(page: Page, tmp_path, client)
     page.get_by_label("Name of column 2").fill("oil")
     expect(page).to_have_url(re.compile("1.name=oil"))  # what was changed stands in the address
     page.reload()
-    expect(groups).to_contain_text("1 of 2 channels", timeout=90_000)
+    expect(groups).to_contain_text("1 of 2 channels")
     page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
     groups = page.get_by_role("navigation", name="Groups of the file")
-    expect(groups).to_contain_text("fast", timeout=90_000)
-    expect(page.get_by_text("1000 samples")).to_be_visible(timeout=90_000)
+    expect(groups).to_contain_text("fast")
+    expect(page.get_by_text("1000 samples")).to_be_visible()
     assert faults(page) == []
     first = client.get(f"/v1/datasets/{page.url.rsplit('/', 1)[1]}").json()
     assert [(one["name"], one["sample_rate"], one["channels"]) for one in first["groups"]] == [
@@ -121,7 +121,7 @@ def test_groups_of_a_file_are_taken_by_their_boxes(page: Page, tmp_path, client)
     ]
     groups.get_by_role("link", name="slow").click()
     expect(page.get_by_role("heading", name="rates: slow")).to_be_visible()
-    expect(page.get_by_role("img", name="oil over time")).to_be_visible(timeout=90_000)
+    expect(page.get_by_role("img", name="oil over time")).to_be_visible()
 
 
 def test_uneven_instants_are_resampled_where_that_is_chosen(page: Page, tmp_path, client) -> None:
@@ -132,7 +132,7 @@ def test_uneven_instants_are_resampled_where_that_is_chosen(page: Page, tmp_path
     page.locator("input[type=file]").set_input_files(file)
     page.get_by_role("button", name="Send").click()
     page.wait_for_url("**/datasets/ds_*/import**")
-    expect(page.get_by_text("300 samples at uneven instants")).to_be_visible(timeout=90_000)
+    expect(page.get_by_text("300 samples at uneven instants")).to_be_visible()
     page.get_by_label("Uneven instants").select_option("resample")
     page.get_by_role("button", name="Import", exact=True).click()
     expect(page.get_by_label("Resampled to")).to_have_attribute("aria-invalid", "true")
@@ -142,7 +142,7 @@ def test_uneven_instants_are_resampled_where_that_is_chosen(page: Page, tmp_path
     page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
     where = f"/v1/datasets/{page.url.rsplit('/', 1)[1]}"
-    expect(page.get_by_role("img", name="x over time")).to_be_visible(timeout=90_000)
+    expect(page.get_by_role("img", name="x over time")).to_be_visible()
     made = client.get(where).json()
     assert (made["status"], made["sample_rate"], made["uneven"]) == ("ready", 200, False)
 
@@ -155,7 +155,7 @@ def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, 
     page.get_by_role("button", name="Send").click()
     page.wait_for_url("**/datasets/ds_*/import**")
     # A worker has found layout, instants, names and units.
-    expect(page.get_by_role("textbox", name="Unit of column 2")).to_have_value("mm", timeout=90_000)
+    expect(page.get_by_role("textbox", name="Unit of column 2")).to_have_value("mm")
     expect(page.get_by_role("combobox", name="Between columns")).to_have_value(";")
     expect(page.get_by_role("combobox", name="Instants in")).to_have_value("0")
     assert faults(page) == []
@@ -177,7 +177,7 @@ def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, 
     expect(page.get_by_role("textbox", name="Scale of column 3")).to_have_value("2")
     page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
-    expect(page.get_by_text("4000 samples")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("4000 samples")).to_be_visible()
     expect(page.get_by_role("heading", name="Spectrum of position")).to_be_visible()
     expect(page.get_by_role("img", name="position over time")).to_be_visible()
     assert faults(page) == []
@@ -244,7 +244,7 @@ def test_a_file_of_its_own_format_is_mapped_too(page: Page, tmp_path, ending) ->
         .filter(has_text="2000 samples")
         .filter(has=page.get_by_role("checkbox", name="Take force"))
     )
-    expect(row).to_be_visible(timeout=90_000)
+    expect(row).to_be_visible()
     row.get_by_role("checkbox").check()
     if page.get_by_role("checkbox", name="Take t", exact=True).is_checked():
         page.get_by_role("checkbox", name="Take t", exact=True).uncheck()
@@ -253,7 +253,7 @@ def test_a_file_of_its_own_format_is_mapped_too(page: Page, tmp_path, ending) ->
     row.get_by_role("textbox", name=re.compile("^Unit of column")).fill("kN")
     page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
-    expect(page.get_by_text("2000 samples, 500 a second")).to_be_visible(timeout=90_000)
+    expect(page.get_by_text("2000 samples, 500 a second")).to_be_visible()
     expect(page.get_by_role("img", name="push over time in kN")).to_be_visible()
 
 
@@ -296,9 +296,9 @@ def test_an_upload_that_breaks_off_goes_on_where_it_was(page: Page, tmp_path, cl
     page.get_by_role("button", name="Go on").click()
     page.wait_for_url("**/datasets/ds_*/import**")
     assert len(sent) == 1
-    page.get_by_role("button", name="Import", exact=True).click(timeout=90_000)
+    page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
-    expect(page.get_by_text("180000 samples")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("180000 samples")).to_be_visible()
 
 
 def test_the_list_is_searched_by_name(page: Page, client) -> None:
@@ -372,7 +372,7 @@ def test_a_file_that_is_not_what_it_is_called_is_refused_with_its_reason(page: P
     )
     page.get_by_role("button", name="Send").click()
     page.wait_for_url("**/datasets/ds_*/import**")
-    expect(page.get_by_role("alert")).to_contain_text("MATLAB", timeout=90_000)
+    expect(page.get_by_role("alert")).to_contain_text("MATLAB")
     assert faults(page) == []
     page.get_by_role("link", name="Send it as another format").click()
     page.wait_for_url("**/datasets")

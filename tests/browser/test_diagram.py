@@ -341,7 +341,7 @@ def test_edits_outlive_a_restart_of_the_service_and_of_the_page(page: Page, syst
     finally:
         service.start()
     # Saved by itself as soon as the service is back; a new one loads the engine first.
-    expect(page.get_by_test_id("check")).to_have_text("saved", timeout=120_000)
+    expect(page.get_by_test_id("check")).to_have_text("saved")
     assert client.get(f"/v1/systems/{system}").json()["document"]["parameters"]["k"] == {"value": 6}
     enter(page, "k", "11")
     expect(page.get_by_role("button", name="Save")).to_be_enabled()

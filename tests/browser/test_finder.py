@@ -28,7 +28,7 @@ def test_a_system_its_optimum_and_a_chapter_are_found_by_keyboard(page: Page, cl
     }
     job = client.post("/v1/optimizations", json=asked).json()["id"]
     page.goto(f"/jobs/{job}")
-    expect(page.get_by_test_id("optimum")).to_be_visible(timeout=120_000)
+    expect(page.get_by_test_id("optimum")).to_be_visible()
     opened(page)
     expect(page.get_by_test_id("found").get_by_role("option", selected=True)).to_have_count(1)
     assert faults_of_both_themes(page, "light") == []

@@ -7,13 +7,13 @@ import re
 import httpx
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.driving import KEY, Running
+from tests.browser.driving import KEY, PATIENCE, Running
 from tests.browser.keyboard import go_to, step
 
 
 def test_a_study_is_optimised_without_a_mouse(browser: Browser, service: Running, client: httpx.Client) -> None:
     context = browser.new_context(base_url=service.url, reduced_motion="reduce", locale="en-GB")
-    context.set_default_timeout(30_000)
+    context.set_default_timeout(1000 * PATIENCE)
     page = context.new_page()
     page.goto("/systems")
     # The field of the key has the focus from the beginning.
@@ -57,7 +57,7 @@ def test_a_study_is_optimised_without_a_mouse(browser: Browser, service: Running
     go_to(page, "button", "Start")
     page.keyboard.press("Enter")
     page.wait_for_url("**/jobs/job_*")
-    expect(page.get_by_test_id("optimum")).to_be_visible(timeout=120_000)
+    expect(page.get_by_test_id("optimum")).to_be_visible()
     job = page.url.rsplit("/", 1)[1]
     go_to(page, "button", "Save as revision")
     page.keyboard.press("Enter")

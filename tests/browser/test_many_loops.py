@@ -77,6 +77,6 @@ def test_nested_loops_are_drawn_simulated_and_optimised(page: Page, client) -> N
     page.get_by_role("textbox", name="points").press("Enter")
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/jobs/job_*")
-    expect(page.get_by_test_id("optimum")).to_be_visible(timeout=120_000)
+    expect(page.get_by_test_id("optimum")).to_be_visible()
     result = client.get(f"/v1/jobs/{page.url.rsplit('/', 1)[1]}/result").json()
     assert result["goals"][0]["after"]["value"] is not None

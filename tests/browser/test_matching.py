@@ -75,7 +75,7 @@ def test_a_model_fails_is_identified_and_passes(page: Page, client, system, reco
     assert faults(page) == []
     page.get_by_role("button", name="Validate").click()
     page.wait_for_url("**/jobs/job_*")
-    expect(page.get_by_text("Not passed: a relative error above 10 %")).to_be_visible(timeout=90_000)
+    expect(page.get_by_text("Not passed: a relative error above 10 %")).to_be_visible()
     expect(page.get_by_test_id("diagnosis").get_by_role("row").filter(has_text="tau")).to_be_visible()
     expect(page.get_by_role("region", name="y", exact=True).locator("[role=img] svg")).to_have_count(5)
     assert faults(page) == []
@@ -96,7 +96,7 @@ def test_a_model_fails_is_identified_and_passes(page: Page, client, system, reco
     page.wait_for_url("**/jobs/job_*")
     job = page.url.rsplit("/", 1)[1]
     row = page.get_by_test_id("identified").get_by_role("row").filter(has_text="tau")
-    expect(row).to_be_visible(timeout=90_000)
+    expect(row).to_be_visible()
     lower, upper = (float(text) for text in row.get_by_role("cell").nth(2).inner_text().split(" … "))
     assert lower < TAU < upper
     expect(page.get_by_test_id("correlation")).to_be_visible()
@@ -113,7 +113,7 @@ def test_a_model_fails_is_identified_and_passes(page: Page, client, system, reco
     page.get_by_role("option", name="lag on the bench").click()
     page.get_by_role("button", name="Validate").click()
     page.wait_for_url(lambda url: "/jobs/" in url and not url.endswith(job))
-    expect(page.get_by_text(re.compile("^Passed"))).to_be_visible(timeout=90_000)
+    expect(page.get_by_text(re.compile("^Passed"))).to_be_visible()
 
 
 def test_a_recording_is_processed_and_a_model_made_of_it_alone(page: Page, client, system, recording) -> None:
@@ -166,4 +166,4 @@ def test_a_recording_is_processed_and_a_model_made_of_it_alone(page: Page, clien
     assert faults(page) == []
     page.get_by_role("button", name="Find the values").click()
     page.wait_for_url("**/jobs/job_*")
-    expect(page.get_by_role("button", name="Keep the model as a system")).to_be_visible(timeout=90_000)
+    expect(page.get_by_role("button", name="Keep the model as a system")).to_be_visible()

@@ -29,7 +29,7 @@ def job(visitor, hydraulic) -> str:
     page.get_by_role("button", name="Remove law.kd2").click()
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/jobs/job_*")
-    expect(page.get_by_test_id("optimum")).to_be_visible(timeout=120_000)
+    expect(page.get_by_test_id("optimum")).to_be_visible()
     found = page.url.rsplit("/", 1)[1]
     page.close()
     return found
@@ -75,7 +75,7 @@ def test_a_point_of_a_front_is_chosen_and_opened_on_the_panel(page: Page, hydrau
     found = asked.json()["id"]
     page.goto(f"/jobs/{found}")
     front = page.get_by_test_id("front")
-    expect(front).to_be_visible(timeout=120_000)
+    expect(front).to_be_visible()
     points = client.get(f"/v1/jobs/{found}/result").json()["front"]
     expect(front.get_by_role("row")).to_have_count(1 + len(points))
     second = front.get_by_role("button", name="Choose point 2", exact=True)

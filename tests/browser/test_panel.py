@@ -561,7 +561,7 @@ def test_the_panel_goes_on_after_a_restart(page: Page, motor, service, client) -
     slider.focus()
     page.keyboard.press("End")
     service.start()
-    expect(page.get_by_text("The service does not answer")).to_have_count(0, timeout=30_000)
+    expect(page.get_by_text("The service does not answer")).to_have_count(0)
     before = page.get_by_test_id("plots").get_attribute("data-frame")
     page.keyboard.press("ArrowLeft")
     page.wait_for_function("n => document.querySelector('[data-testid=plots]').dataset.frame !== n", arg=before)

@@ -103,8 +103,8 @@ def test_a_measurement_is_started_from_a_template_and_watched(page: Page, rig, c
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_role("button", name="Start it").click()
     page.wait_for_url("**/acquisitions/acq_*")
-    expect(page.get_by_role("img", name="position over time")).to_be_visible(timeout=60_000)
-    expect(page.get_by_role("link", name="Recording").first).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("img", name="position over time")).to_be_visible()
+    expect(page.get_by_role("link", name="Recording").first).to_be_visible()
     assert faults(page) == []
     page.get_by_role("link", name="Recording").first.click()
     for channel in ("loopback", "valve"):
@@ -118,11 +118,11 @@ def test_what_a_person_at_the_rig_refuses_is_told_and_tried_again(page: Page, ri
     request = MEASUREMENT | {"rig": RIG_NAME, "name": "refused", "confirm": True, "duration": 0.2}
     made = client.post("/v1/acquisitions", json=request).json()
     page.goto(f"/acquisitions/{made['id']}")
-    expect(page.get_by_text("the person at the rig has not agreed")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("the person at the rig has not agreed")).to_be_visible()
     page.get_by_role("button", name="Try again").click()
     page.get_by_role("button", name="I have looked: measure again").click()
     expect(page.get_by_role("heading", name="Attempt 2")).to_be_visible()
-    expect(page.get_by_role("link", name="Recording").first).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("link", name="Recording").first).to_be_visible()
 
 
 def test_what_is_filled_in_outlives_a_reload_and_becomes_a_template(page: Page, rig) -> None:
@@ -191,21 +191,21 @@ def test_a_recording_waits_for_its_trigger(page: Page, rig, client) -> None:
     page.get_by_role("textbox", name="Waits at most").fill("600")
     page.get_by_role("button", name="Start", exact=True).click()
     page.wait_for_url("**/acquisitions/acq_*")
-    expect(page.get_by_text("Waits for the trigger.")).to_be_visible(timeout=60_000)
-    expect(page.get_by_role("img", name="position over time")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("Waits for the trigger.")).to_be_visible()
+    expect(page.get_by_role("img", name="position over time")).to_be_visible()
     asked = client.get(f"/v1/acquisitions/{page.url.rsplit('/', 1)[1]}").json()["document"]["trigger"]
     assert asked == {"channel": "position", "edge": "rising", "level": 3, "hysteresis": 0.1, "timeout": 600}
     page.get_by_role("button", name="Stop", exact=True).click()
-    expect(page.get_by_role("button", name="Try again")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("button", name="Try again")).to_be_visible()
 
 
 def test_a_measurement_is_stopped_from_its_page(page: Page, rig, client) -> None:
     request = MEASUREMENT | {"rig": RIG_NAME, "name": "too long", "confirm": False, "duration": 90}
     made = client.post("/v1/acquisitions", json=request).json()
     page.goto(f"/acquisitions/{made['id']}")
-    expect(page.get_by_test_id("live")).to_be_visible(timeout=60_000)
+    expect(page.get_by_test_id("live")).to_be_visible()
     page.get_by_role("button", name="Stop", exact=True).click()
-    expect(page.get_by_role("button", name="Try again")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("button", name="Try again")).to_be_visible()
     expect(page.get_by_role("heading", name="Attempt 1")).to_be_visible()
     assert client.get(f"/v1/acquisitions/{made['id']}").json()["status"] == "cancelled"
 
@@ -228,7 +228,7 @@ def test_an_agent_that_is_lost_and_comes_back_is_shown(page: Page, service, clie
     page.goto(f"/acquisitions/{made['id']}")
     expect(page.get_by_text("The agent has it.")).to_be_visible()
     _silent(service, made["id"])
-    expect(page.get_by_text("The agent was not heard of any more")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("The agent was not heard of any more")).to_be_visible()
     page.get_by_role("button", name="Try again").click()
     # It may have moved, or still be moving: a person has to look first.
     expect(page.get_by_role("dialog")).to_contain_text("Look at the rig before you say yes")
@@ -242,16 +242,16 @@ def test_an_agent_that_is_lost_and_comes_back_is_shown(page: Page, service, clie
     expect(page.get_by_text("No agent answers for this rig now")).to_be_visible()
     assert client.post("/v1/agents", json=registered).json()["id"] == agent
     page.go_back()
-    expect(page.get_by_text("ready", exact=True)).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("ready", exact=True)).to_be_visible()
 
 
 def test_sweeps_are_shown_live_and_lead_back_to_the_form(page: Page, rig, client) -> None:
     page.goto(f"/rigs/{rig}/measure?channels=%5B%22loopback%22%5D&duration=0.3&output=valve&averages=2")
     page.get_by_role("button", name="Show live, record nothing").click()
     page.wait_for_url("**/acquisitions/acq_*")
-    expect(page.get_by_role("img", name="loopback over time")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("img", name="loopback over time")).to_be_visible()
     expect(page.get_by_text("nothing is recorded")).to_be_visible()
-    expect(page.get_by_test_id("live")).to_have_attribute("data-samples", re.compile(r"^\d{3}$"), timeout=60_000)
+    expect(page.get_by_test_id("live")).to_have_attribute("data-samples", re.compile(r"^\d{3}$"))
     assert faults(page) == []
     page.get_by_role("button", name="Stop").click()
     expect(page.get_by_role("button", name="Stop")).to_be_hidden()
@@ -267,7 +267,7 @@ def test_each_sweep_of_the_scope_begins_at_its_trigger(page: Page, rig, client) 
     page.get_by_role("combobox", name="Trigger", exact=True).select_option("rises to a level")
     page.get_by_role("button", name="Show live, record nothing").click()
     page.wait_for_url("**/acquisitions/acq_*")
-    expect(page.get_by_test_id("live")).to_have_attribute("data-samples", re.compile(r"^\d{3}$"), timeout=60_000)
+    expect(page.get_by_test_id("live")).to_have_attribute("data-samples", re.compile(r"^\d{3}$"))
     asked = client.get(f"/v1/acquisitions/{page.url.rsplit('/', 1)[1]}").json()["document"]
     assert (asked["record"], asked["trigger"]["edge"], asked["pre_trigger"]) == (False, "rising", 0.1)
     page.get_by_role("button", name="Stop").click()

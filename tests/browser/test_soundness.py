@@ -10,7 +10,7 @@ import httpx
 from playwright.sync_api import Browser, Page
 
 from tests.browser.driving import ROOT, Running
-from tests.browser.places import PATIENCE, Mistake, Places, of_models, of_the_laboratory
+from tests.browser.places import Mistake, Places, of_models, of_the_laboratory
 from tests.browser.soundness import Scheme, other, quiet, unsound, untold
 
 #: Room is made above what has been painted.
@@ -29,7 +29,7 @@ def _walked(page: Page, places: Places) -> dict[str, list[str]]:
         place = places.wait(name)
         with quiet(page) as told:
             page.goto(place.address)
-            page.locator(place.there).first.wait_for(timeout=1000 * PATIENCE)
+            page.locator(place.there).first.wait_for()
             # The theme that is there comes first: it is changed once a page.
             found = unsound(page, scheme)
             scheme = other(scheme)

@@ -54,7 +54,7 @@ def test_a_resonance_is_found_with_its_bounds(page: Page, client, recording, mod
     page.get_by_role("button", name="Estimate").click()
     expect(page).to_have_url(re.compile("segment=16.*modes=1"))
     row = page.get_by_test_id("modes").get_by_role("row").nth(1)
-    expect(row).to_be_visible(timeout=60_000)
+    expect(row).to_be_visible()
     found, _, interval = (row.get_by_role("cell").nth(i).inner_text() for i in range(3))
     assert float(found) == pytest.approx(NATURAL, rel=0.01)
     lower, upper = (float(text) for text in interval.split(" … "))
@@ -68,7 +68,7 @@ def test_a_resonance_is_found_with_its_bounds(page: Page, client, recording, mod
     page.get_by_role("button", name="Estimate").click()
     expect(page).to_have_url(re.compile(f"[&?]system={model}"))
     told = page.get_by_test_id("against-model")
-    expect(told).to_be_visible(timeout=60_000)
+    expect(told).to_be_visible()
     body = {"dataset": recording, "input": "force", "output": "x", "segment": 16, "window": "hann"}
     held = client.post("/v1/frfs", json=body | {"system": model, "from": "f", "to": "x"}).json()
     within = held["outputs"]["x"]["simulated"]["within_percent"]
@@ -108,7 +108,7 @@ def test_a_spectrum_and_curves_that_are_kept_are_drawn(page: Page, client, recor
         page.goto(f"/results/{kept}")
         expect(page.get_by_test_id("kept").locator("[role=img] :is(svg, canvas)")).to_have_count(charts)
         assert faults(page) == []
-    with page.expect_download(timeout=120_000) as download:
+    with page.expect_download() as download:
         page.get_by_role("link", name="Report, PDF").click()
     assert download.value.path().read_bytes().startswith(b"%PDF-")
     page.goto("/results/res_nothing")

@@ -16,8 +16,6 @@ from tests.browser.soundness import quiet
 #: Studies whose documents are examples, kept in files of their own.
 _FILES = {"many-loops": "many_loops", "intelligent-damper": "intelligent_damper"}
 _STUDIES = json.loads((ROOT / "web" / "src" / "features" / "systems" / "templates.json").read_text(encoding="utf-8"))
-#: Milliseconds until the metrics must have come: beside other tests a nonlinear study waits for its processor.
-_PATIENCE = 120_000
 #: Its metrics are not waited for: with their slopes they are a simulation of many seconds.
 _UNMEASURED = "intelligent-damper"
 #: Titles of plots that neither show a curve nor say why there is none. A curve has a hue; axes, grid and labels are grey.
@@ -78,11 +76,11 @@ def test_the_panel_of_a_study_is_painted_as_a_whole(page: Page, client: httpx.Cl
     system = client.post("/v1/systems", json=_document(study)).json()["id"]
     with quiet(page) as told:
         page.goto(f"/systems/{system}/panel?{study['panel']}")
-        page.locator("[data-testid=plots][data-frame]").wait_for(timeout=_PATIENCE)
+        page.locator("[data-testid=plots][data-frame]").wait_for()
         assert page.get_by_test_id("plots").locator("section").count() >= 3
         page.wait_for_function(f"() => ({_BLANK})().length === 0")
         if study["id"] != _UNMEASURED:
-            page.locator("[data-testid=metrics][data-stale=false]").wait_for(timeout=_PATIENCE)
+            page.locator("[data-testid=metrics][data-stale=false]").wait_for()
             metrics = page.locator("[data-metric]").all_inner_texts()
             assert len(metrics) >= 5
             # Each is a number, or a word for why there is none.

@@ -89,7 +89,7 @@ class Work:
         self.view("Optimise")
         self.button("Start").click()
         self.page.wait_for_url("**/jobs/job_*")
-        expect(self.page.get_by_test_id("optimum")).to_be_visible(timeout=180_000)
+        expect(self.page.get_by_test_id("optimum")).to_be_visible()
         self.search = self.page.url.rsplit("/", 1)[1]
 
     def compare(self) -> None:
@@ -114,9 +114,7 @@ class Work:
         self.page.get_by_role("option", name="Motor", exact=True).click()
         self.button("Find the values").click()
         self.page.wait_for_url("**/jobs/job_*")
-        expect(self.page.get_by_test_id("identified").get_by_role("row").filter(has_text="J")).to_be_visible(
-            timeout=120_000
-        )
+        expect(self.page.get_by_test_id("identified").get_by_role("row").filter(has_text="J")).to_be_visible()
 
     def validate(self) -> None:
         """Validate the model"""
@@ -126,7 +124,7 @@ class Work:
         self.page.get_by_role("combobox", name="Recording").click()
         self.page.get_by_role("option", name="run 1").click()
         self.button("Validate").click()
-        expect(self.page.get_by_text(re.compile("^Passed"))).to_be_visible(timeout=120_000)
+        expect(self.page.get_by_text(re.compile("^Passed"))).to_be_visible()
 
     def limit(self) -> None:
         """Find what limits the bandwidth"""
