@@ -158,7 +158,7 @@ def test_a_form_begins_with_the_panels_step_and_the_controllers_gains(page: Page
     expect(page.get_by_role("textbox", name="At most, goal 2")).not_to_have_value("0.2")
     # A system opens as it was left.
     page.goto(f"/systems/{system}/panel")
-    expect(page.get_by_role("slider", name="cylinder.mass")).to_be_visible()
+    expect(page.get_by_role("slider", name="cylinder.mass", exact=True)).to_be_visible()
     expect(page).to_have_url(re.compile("amp=0.01"))
 
 

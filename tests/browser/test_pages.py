@@ -135,7 +135,7 @@ def test_a_tablet_is_enough(browser, service, hydraulic) -> None:
     page = context.new_page()
     page.goto(f"/systems/{hydraulic}/panel?s=law.kp&in=reference&loop=error")
     page.locator("[data-testid=plots][data-frame]").wait_for()
-    slider = page.get_by_role("slider", name="law.kp")
+    slider = page.get_by_role("slider", name="law.kp", exact=True)
     box = slider.bounding_box()
     assert box is not None
     page.touchscreen.tap(box["x"] + box["width"] * 0.75, box["y"] + box["height"] / 2)

@@ -94,7 +94,7 @@ def test_a_study_opens_with_its_comparisons(page: Page) -> None:
 
 def test_keys_move_a_slider_and_the_address_follows(page: Page, motor) -> None:
     opened(page, motor, COMPARED)
-    slider = page.get_by_role("slider", name="motor.resistance")
+    slider = page.get_by_role("slider", name="motor.resistance", exact=True)
     slider.focus()
     page.keyboard.press("Shift+ArrowRight")
     # 0.1..2.5 ohm on a log scale, half way plus a tenth: 0.5 * 25^0.1.
@@ -147,7 +147,7 @@ def test_a_reference_is_pinned_and_told_apart(page: Page, motor) -> None:
     opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed")
     page.get_by_role("button", name="Pin as reference").click()
     expect(page.get_by_test_id("reference")).to_be_visible()
-    page.get_by_role("slider", name="motor.resistance").focus()
+    page.get_by_role("slider", name="motor.resistance", exact=True).focus()
     page.keyboard.press("End")
     expect(page.get_by_test_id("metrics")).to_contain_text(re.compile("▲ [0-9]+"))
     expect(page).to_have_url(re.compile("ref=1"))
@@ -180,10 +180,10 @@ def test_a_refusal_is_forgotten_with_the_next_curves(page: Page, motor) -> None:
     opened(page, motor, COMPARED)
     refused = page.get_by_text("a vector must be 2 numbers, got 0")
     spoiling = True
-    page.get_by_role("slider", name="motor.resistance").press("End")
+    page.get_by_role("slider", name="motor.resistance", exact=True).press("End")
     expect(refused).to_be_visible()
     spoiling = False
-    page.get_by_role("slider", name="motor.resistance").press("Home")
+    page.get_by_role("slider", name="motor.resistance", exact=True).press("Home")
     expect(refused).to_have_count(0)
     expect(page.get_by_test_id("metrics")).to_have_attribute("data-stale", "false")
 
@@ -427,7 +427,7 @@ def test_snapshots_are_kept_compared_and_taken_back(page: Page, motor) -> None:
 
 def test_a_knob_is_turned_and_its_travel_made_linear(page: Page, motor) -> None:
     opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed&k=motor.resistance")
-    knob = page.get_by_role("slider", name="motor.resistance")
+    knob = page.get_by_role("slider", name="motor.resistance", exact=True)
     box = knob.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 24, box["y"] + 24)
@@ -498,7 +498,7 @@ def test_earlier_settings_stay_behind_as_shadows_and_influences_lie_behind_the_l
     # The chosen metric colours the labels and stands in the address. A heavier rotor is slower: T = J R/(R b + k^2).
     page.get_by_test_id("metrics").get_by_role("button", name="rise time").click()
     expect(page).to_have_url(re.compile("[?&]m=rise_time"))
-    slider = page.get_by_role("slider", name="motor.inertia").locator("xpath=../..")
+    slider = page.get_by_role("slider", name="motor.inertia", exact=True).locator("xpath=../..")
     expect(slider.locator("[data-sign=plus]")).to_have_attribute("style", "width: 100%;")
     page.get_by_role("button", name="Reset motor.resistance to the document's value").click()
     expect(entry).to_have_value("0.5")
@@ -557,7 +557,7 @@ def test_the_panel_goes_on_after_a_restart(page: Page, motor, service, client) -
     opened(page, motor, COMPARED + "&p.motor.inertia=0.004&g=rise_time%3C0.08&sn=kept~1~motor.resistance%3D0.7")
     service.stop()
     expect(page.get_by_text("The service does not answer")).to_be_visible()
-    slider = page.get_by_role("slider", name="motor.resistance")
+    slider = page.get_by_role("slider", name="motor.resistance", exact=True)
     slider.focus()
     page.keyboard.press("End")
     service.start()

@@ -145,7 +145,7 @@ def test_a_first_visit_is_led_through_three_steps_by_keyboard_and_never_again(pa
     expect(page.get_by_role("heading", name="Step 2 of 3")).to_be_focused()
     page.locator("[data-testid=plots][data-frame]").wait_for()
     assert faults(page) == []
-    page.get_by_role("slider", name="motor.leakage").focus()
+    page.get_by_role("slider", name="motor.leakage", exact=True).focus()
     page.keyboard.press("ArrowRight")
     tour = page.get_by_test_id("tour")
     expect(tour.get_by_role("status")).to_contain_text("Moved")
