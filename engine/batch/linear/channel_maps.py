@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 
 from engine.batch.linear.channels import SAME, TERMS, Channels
 from engine.batch.linear.compiled import compiled
-from engine.batch.linear.ladder import NEEDED, Ladder
+from engine.batch.linear.ladder import NEEDED, Ladder, to_coefficients
 from engine.batch.linear.series import DEGREE, HALVES, NODES, PARTS, SIZE
 from engine.batch.linear.small_matrices import decompose
 
@@ -48,11 +48,17 @@ INTEGRALS: Final = _integrals()
 
 @compiled
 def _alike(channels: Channels, rows: Series) -> None:
-    """Enter for each row that is watched the first that is the same or its opposite: F serves both."""
-    watched = rows.shape[0] - channels.delays.shape[0]
-    for r in range(rows.shape[0]):
+    """Enter for each row that is watched what goes into a channel, or the first row, that is the same or its opposite: F serves both."""
+    count = rows.shape[0]
+    watched = count - channels.delays.shape[0]
+    for r in range(count):
         channels.like[r], channels.sign[r] = r, 1.0
-        for other in range(r - 1 if r < watched else -1, -1, -1):
+        for back in range(count - 1 if r < watched else -1, -1, -1):
+            other = (
+                watched + back
+            ) % count  # what goes into channels comes last: it is told of every row that is like it
+            if r <= other < watched:
+                continue
             for sign in (-1.0, 1.0):
                 same = True
                 for i in range(channels.drive.shape[0]):
@@ -139,33 +145,30 @@ def _first_level(channels: Channels, n: int, count: int, width: float) -> None:
                     for part in NEEDED:
                         for c in range(SIZE):
                             own[part, c] += factor * INTEGRALS[k + 1, part, c]
-            _map(own, channels.maps[0, r, j])
+            _map(own, channels.maps[0, r, j], channels)
 
 
 @compiled
-def _map(parts: Series, out: Series) -> None:
+def _map(parts: Series, out: Series, channels: Channels) -> None:
     """Write the matrix (from, to) from series to series of that from series to values at the parts of a piece."""
-    for a in range(SIZE):
-        for c in range(SIZE):
-            out[a, c] = 0.0 * parts[0, 0]
-    for node in range(SIZE):
-        row = parts[NODES[node]]
-        for c in range(SIZE):
-            factor = row[c]
-            for a in range(SIZE):
-                out[c, a] += SERIES[node, a] * factor
+    turned = channels.work[1]
+    to_coefficients(parts, turned, channels.work[0], SIZE)
+    for c in range(SIZE):
+        for a in range(SIZE):
+            out[c, a] = turned[a, c]
 
 
 @compiled
 def _halved(row: Series, half: Real, out: Series) -> None:
-    """Write a row times the matrix that gives the series on a half; four terms at once stay in registers."""
+    """Write a row times the triangular matrix that gives the series on a half; four terms at once stay in registers."""
     for c in range(SIZE):
-        out[c] = row[DEGREE] * half[DEGREE, c]
+        out[c] = 0.0 * row[0]
     for k in range(0, DEGREE, 4):
         one, two, three, four = row[k], row[k + 1], row[k + 2], row[k + 3]
-        for c in range(SIZE):
+        for c in range(k, SIZE):
             first = one * half[k, c] + two * half[k + 1, c]
             out[c] += first + (three * half[k + 2, c] + four * half[k + 3, c])
+    out[DEGREE] += row[DEGREE] * half[DEGREE, DEGREE]
 
 
 @compiled
@@ -198,7 +201,7 @@ def widen(channels: Channels, ladder: Ladder, level: int, n: int, count: int, wi
                         factor = states[half, i]
                         for c in range(SIZE):
                             out[part, c] += factor * channels.own[i, c]
-            _map(out, channels.maps[level, r, j])
+            _map(out, channels.maps[level, r, j], channels)
     _close(channels, level, count, width)
 
 

@@ -92,7 +92,7 @@ def begin(ladder: Ladder, m: Series, rows: Series, n: int, unit: float) -> None:
         for j in range(size):
             ladder.growth[0, i, j] = f[i, j]
     for r in range(count):
-        _map(ladder, 0, r, size)
+        to_coefficients(ladder.rows[0, r], ladder.maps[0, r], ladder.sums, size)
 
 
 @compiled
@@ -108,7 +108,7 @@ def climb(ladder: Ladder, level: int, n: int, size: int, count: int) -> None:
                     own[part, j] = half[2 * part, j]
             else:
                 _moved(half[2 * part - PARTS], below, own[part], n, size)
-        _map(ladder, level, r, size)
+        to_coefficients(own, ladder.maps[level, r], ladder.sums, size)
 
 
 @compiled
@@ -133,9 +133,8 @@ def _moved(row: Series, growth: Series, out: Series, n: int, size: int) -> None:
 
 
 @compiled
-def _map(ladder: Ladder, level: int, r: int, size: int) -> None:
-    """Write the coefficients of the series of an output by the state at the beginning of the piece."""
-    rows, out, sums = ladder.rows[level, r], ladder.maps[level, r], ladder.sums
+def to_coefficients(rows: Series, out: Series, sums: Series, size: int) -> None:
+    """Write the map to the coefficients of a series, (17, size), from that to the values at the parts of a piece, (PARTS + 1, size)."""
     for k in range(_HALF + 1):
         first, second = rows[NODES[k]], rows[NODES[DEGREE - k]]
         for j in range(size):
@@ -174,4 +173,4 @@ def unit_of(a: Series, n: int, rate: float) -> float:
     return _ANGLE / fastest if fastest > 0.0 else 0.0
 
 
-__all__ = ["LEVELS", "SIZE", "Ladder", "begin", "climb", "product", "unit_of"]
+__all__ = ["LEVELS", "SIZE", "Ladder", "begin", "climb", "product", "to_coefficients", "unit_of"]
