@@ -45,8 +45,6 @@ class Propagator(Protocol):
 def stride(maps: Array, joint: Array, count: int) -> Array:
     """Return the states at the nodes of ``count`` equal segments under a linear input, shape (count, lanes, N + 1, n).
 
-    The starts of all segments come from log2(count) products with powers of one segment's transition.
-
     Parameters
     ----------
     maps : ndarray, shape (lanes, N + 1, n, n + 2 inputs)
@@ -59,12 +57,17 @@ def stride(maps: Array, joint: Array, count: int) -> Array:
     step = np.zeros((lanes, size, size), dtype=maps.dtype)
     step[:, :n] = maps[:, -1]
     step[:, n:, n:] = np.eye(2 * inputs) + np.eye(2 * inputs, k=inputs)
-    starts = joint[:, :, None]
-    while starts.shape[2] < count:
-        starts = np.concatenate([starts, step @ starts], axis=2)
-        step = without_traces(step @ step)
-    states = maps.reshape(lanes, nodes * n, size) @ starts[:, :, :count]
+    states = maps.reshape(lanes, nodes * n, size) @ powers(step, joint, count)
     return np.asarray(states.reshape(lanes, nodes, n, count).transpose(3, 0, 1, 2))
+
+
+def powers(step: Array, first: Array, count: int) -> Array:
+    """Return v, M v, M² v ... of ``step`` M (lanes, d, d) and ``first`` v (lanes, d), shape (lanes, d, count), by log2(count) products."""
+    found = first[:, :, None]
+    while found.shape[2] < count:
+        found = np.concatenate([found, step @ found], axis=2)
+        step = without_traces(step @ step)
+    return np.asarray(found[:, :, :count])
 
 
 def exponentials(matrices: Array) -> Array:

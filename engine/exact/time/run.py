@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -14,6 +14,7 @@ from engine.exact.time.chebyshev import DEGREE, NODES, differentiation_matrix, i
 from engine.exact.time.curve import Curve
 from engine.exact.time.equilibrium import Equilibrium
 from engine.exact.time.propagate import Collocation, DelayedCollocation, Exponential, Propagator, stride
+from engine.exact.time.repeated import Repeated, pieces_of
 
 if TYPE_CHECKING:
     from engine.exact.time.origin import Origin
@@ -47,6 +48,11 @@ class Segment:
     count: int = 1
     resting: bool = False
     apart: Apart | None = None
+
+    def singles(self) -> Iterator[Segment]:
+        """Yield them one by one."""
+        for k in range(self.count):
+            yield replace(self, start=self.start + k * self.width, count=1, apart=self.apart if k == 0 else None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +103,7 @@ class Run:
         self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
         self.propagators: Propagators = {}
         self._reach: dict[Propagator, Array] = {}
+        self._repeated: dict[Propagator, Repeated] = {}
         self._dtype = system.dtype
         self._loudest = np.zeros(system.m)
         self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
@@ -168,8 +175,10 @@ class Run:
         if segment.count == 1:
             x, w = propagator.solve(self.state, away, self._delayed(start, width))
             u, away, x, w = u[None], away[None], x[None], w[None]
+        elif not isinstance(propagator, Exponential):  # it repeats
+            x, w = self._follow(propagator, width, segment.count)
+            u, away = (np.broadcast_to(part, (segment.count, *part.shape)) for part in (u, away))
         else:
-            assert isinstance(propagator, Exponential)  # what serves commands that are straight and no delays
             change = u[:, -1] - u[:, 0]
             x = stride(propagator.maps, np.concatenate([self.state, u[:, 0], change], axis=-1), segment.count)
             away = u = u + np.arange(segment.count)[:, None, None, None] * change[:, None]
@@ -177,6 +186,30 @@ class Run:
         y = x @ s.c1.swapaxes(-1, -2) + away @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
         z = x @ s.c2.swapaxes(-1, -2) + away @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
         return Nodes(x=x, u=u, w=w, y=y, z=z)
+
+    def repeats(self, segment: Segment) -> bool:
+        """Return whether segments like one are all moved in the same way: by what came before, on pieces as wide, and by nothing else."""
+        if not self.s.m or self._rest is None or segment.apart is not None:
+            return False
+        start, width = self._basis @ segment.start, self._basis @ segment.width
+        pieces = pieces_of(self.s, width)
+        if not 0 < pieces <= self.count or float(start[0].real) < self._over * (1 - 1e-12):
+            return False
+        last = self.edges[self.count - pieces : self.count + 1]
+        apart = np.diff(last, axis=0) - width
+        same = np.abs(apart.real).max() <= 1e-12 * float(np.abs(last.real).max())
+        if np.iscomplexobj(apart):
+            same &= np.abs(apart.imag).max() <= 1e-12 * float(np.abs(last.imag).max())
+        return bool(same) and not self._away(self._inputs(start, width)).any()
+
+    def _follow(self, propagator: Propagator, width: Array, count: int) -> tuple[Array, Array]:
+        """Return states and delayed signals on the nodes of segments that repeat, (count, lanes, N + 1, ·)."""
+        assert self._rest is not None
+        pieces = pieces_of(self.s, width)
+        if propagator not in self._repeated:
+            self._repeated[propagator] = Repeated(self.s, propagator, width, pieces)
+        before = self.z[self.count - pieces : self.count] - self._rest.w
+        return self._repeated[propagator].follow(self.state, before, count)
 
     def _away(self, u: Array) -> Array:
         """Return inputs (..., lanes, N + 1, inputs) as they are counted now."""
@@ -255,7 +288,11 @@ class Run:
         for segment in plan:
             if segment.apart is not None and self.count:
                 self._keep_apart(segment, segment.apart)
-            self.append(segment, self.step(segment))
+            if segment.count == 1 or not self.s.m or self.repeats(segment):
+                self.append(segment, self.step(segment))
+                continue
+            for one in segment.singles():
+                self.append(one, self.step(one))
         return self.trajectory(plan)
 
     def _keep_apart(self, segment: Segment, apart: Apart) -> None:

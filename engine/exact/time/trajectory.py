@@ -8,7 +8,7 @@ delayed signals and (with delays) states to 1e-13. Where the echoes have become 
 delay; it is then solved together with what returns to itself. Without delays a command that is constant or linear is
 followed over many equal segments at once, and so is what goes on when any command has ended. With delays what goes on then
 is counted from where it will rest, once it is near: solving for a long segment leaves rounding of all that is counted, and what
-is left of a transient has no room for it. The lanes then replay the same segments; an end that moves with a delay carries
+is left of a transient has no room for it; from then on equal segments are many at once here, too. The lanes then replay the same segments; an end that moves with a delay carries
 that delay's infinitesimal, so derivatives with respect to delays are exact too.
 """
 
@@ -107,17 +107,17 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin
         gap = b - a
         whole, straight = float(gap @ basis), run.strides(float(a @ basis))
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
-        position, most = 0.0, 1
         effort.begin()
         # a trial of twice the width that fails is not repeated soon: it would be most of the work
-        waiting, patience, trial = 0, 1, False
+        position, most, waiting, patience, trial = 0.0, 1, 0, 1, False
         while position < 1.0:
             width = 0.5**level
-            count = min(round((1.0 - position) / width), most) if straight else 1
             segment = Segment(
-                start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count, resting=resting,
+                start=a + position * gap, width=gap * width, key=(tuple(gap), level), resting=resting,
                 apart=apart if position == 0.0 else None,
             )  # fmt: skip
+            if most > 1 and (straight or run.repeats(segment)):
+                segment = replace(segment, count=min(round((1.0 - position) / width), most))
             nodes = run.step(segment)
             good, roomy = _held(
                 run, watch, segment, nodes, straight=straight, surely=straight and width * whole <= smallest

@@ -193,7 +193,19 @@ EDGE = np.pi / 2
 """Gain times delay of an integrator behind a delay at which it swings for ever: e^(-jπ/2) = -j."""
 
 
-@pytest.mark.parametrize("short", [1e-4, 1e-6])
+@pytest.mark.parametrize("short", [1e-2, 1e-3])
+def test_what_swings_for_long_behind_a_delay_is_followed_many_segments_at_once(short: float) -> None:
+    # s + k e^(-s τ) has roots at W(-k τ)/τ; those of the two middle branches are all that is left after a while
+    gain = EDGE * (1 - short)
+    roots = np.array([lambertw(-gain, branch) for branch in (0, -1)])
+    late = np.linspace(1.0 / short, 40.0 / short, 300)
+    found = response(integrator_with_delay(gain, 1.0), horizon=50.0 / short)
+    assert len(found.plan) < 300 < len(found.edges) / 7
+    left = (np.exp(roots * late[:, None]) / (1 + roots)).sum(axis=1).real
+    assert 1.0 - found.output(0).sample(late) == pytest.approx(left, rel=1e-9, abs=2e-12)
+
+
+@pytest.mark.parametrize("short", [1e-6, 1e-8])
 def test_what_swings_for_too_long_is_given_up_early(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
     taken = []
     step = Run.step
