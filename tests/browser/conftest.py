@@ -11,7 +11,8 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-from tests.browser.driving import PATIENCE, Running, launched, running, signed_in
+from tests.browser.driving import Running, launched, running, signed_in
+from tests.support.patience import PATIENCE
 
 expect.set_options(timeout=1000 * PATIENCE)  # beside other tests a page may wait for its processor
 

@@ -17,14 +17,14 @@ from typing import Any
 import httpx
 from playwright.sync_api import Browser, BrowserContext, Page, Playwright
 
+from tests.support.patience import PATIENCE
+
 ROOT = Path(__file__).parents[2]
 KEY = "a-key-for-the-browser-tests"
 PAGES = ROOT / "api" / "static"
 #: The distribution's browser: nothing is downloaded.
 CHROMIUM = os.environ.get("SERVOTUNE_TEST_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 _ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
-#: Seconds in which whatever is waited for must come: beside other tests everything waits for its processor.
-PATIENCE = 240
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 

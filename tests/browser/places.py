@@ -14,10 +14,11 @@ import httpx
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from tests.browser.driving import PATIENCE, ROOT
+from tests.browser.driving import ROOT
 from tests.browser.test_datasets import recording as text_recording
 from tests.browser.test_matching import LAG, RATE, of_a_lag, send
 from tests.integration.api.rigs import AGENT, MEASUREMENT, RIG, deliver, samples
+from tests.support.patience import PATIENCE
 
 _UNDER_WAY = {"queued", "claimed", "running", "uploading", "parsing"}
 _TEMPLATES = ROOT / "web" / "src" / "features" / "systems" / "templates.json"

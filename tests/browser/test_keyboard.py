@@ -7,8 +7,9 @@ import re
 import httpx
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.driving import KEY, PATIENCE, Running
+from tests.browser.driving import KEY, Running
 from tests.browser.keyboard import go_to, step
+from tests.support.patience import PATIENCE
 
 
 def test_a_study_is_optimised_without_a_mouse(browser: Browser, service: Running, client: httpx.Client) -> None:

@@ -11,6 +11,7 @@ from storage import Database
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE, Job
 from storage.repositories import JobRepository
+from tests.support.patience import PATIENCE
 
 COMPUTE = "tests.support.computing:run"
 FINAL = ("succeeded", "failed", "cancelled")
@@ -39,7 +40,7 @@ class Desk:
             rows = JobRepository(session, DEFAULT_WORKSPACE).events(job_id, after=after)
             return [(row.id, row.type, row.payload) for row in rows]
 
-    def wait(self, job_id: str, *statuses: str, timeout: float = 30) -> Job:
+    def wait(self, job_id: str, *statuses: str, timeout: float = PATIENCE) -> Job:
         give_up_at = time.monotonic() + timeout
         while (job := self.get(job_id)).status not in (statuses or FINAL):
             assert time.monotonic() < give_up_at, f"job is {job.status} after {timeout} s"
@@ -48,7 +49,7 @@ class Desk:
 
     def process_of(self, job_id: str) -> int:
         """Wait for the message in which ``spin`` or ``linger`` tells its process id."""
-        give_up_at = time.monotonic() + 30
+        give_up_at = time.monotonic() + PATIENCE
         while not (told := [payload for _id, type_, payload in self.events(job_id) if type_ == "message"]):
             assert time.monotonic() < give_up_at
             time.sleep(0.01)
@@ -75,14 +76,14 @@ def exists(process: int) -> bool:
     return True
 
 
-def wait_until_gone(process: int, timeout: float) -> None:
-    give_up_at = time.monotonic() + timeout
+def wait_until_gone(process: int) -> None:
+    give_up_at = time.monotonic() + PATIENCE
     while exists(process):
-        assert time.monotonic() < give_up_at, f"process {process} still runs after {timeout} s"
+        assert time.monotonic() < give_up_at, f"process {process} still runs after {PATIENCE} s"
         time.sleep(0.01)
 
 
-def wait_for(found: Callable[[], bool], what: str, timeout: float = 90.0) -> None:
+def wait_for(found: Callable[[], bool], what: str, timeout: float = PATIENCE) -> None:
     """Wait until something is so."""
     give_up_at = time.monotonic() + timeout
     while not found():

@@ -17,6 +17,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from storage.objects import ObjectStore
+from tests.support.patience import PATIENCE
 
 BUCKET = "blobs"
 STATUSES = {"full": 507, "busy": 503, "closed": 403}
@@ -81,7 +82,7 @@ def object_store(monkeypatch: pytest.MonkeyPatch) -> Iterator[Door]:
         finally:
             door.mended.set()
             front.shutdown()
-            thread.join(timeout=10)
+            thread.join(timeout=PATIENCE)
             front.server_close()
     finally:
         server.kill()
@@ -93,7 +94,7 @@ def opened(*, preferred: bool = True) -> ObjectStore:
 
 
 def _make_bucket(server: subprocess.Popen[bytes], port: int) -> None:
-    give_up_at = time.monotonic() + 60
+    give_up_at = time.monotonic() + PATIENCE
     while True:
         try:
             request = urllib.request.Request(f"http://127.0.0.1:{port}/{BUCKET}", method="PUT")

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import psycopg
 
+from tests.support.patience import PATIENCE
+
 # The tests need a server that is quick, not one that survives the machine.
 SETTINGS = {
     "listen_addresses": "",
@@ -139,7 +141,7 @@ def _exists(user: str) -> bool:
 
 
 def _wait(process: subprocess.Popen[bytes], home: Path) -> None:
-    give_up_at = time.monotonic() + 60
+    give_up_at = time.monotonic() + PATIENCE
     while True:
         try:
             psycopg.connect(host=str(home), user="postgres", dbname="postgres").close()

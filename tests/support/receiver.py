@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+from tests.support.patience import PATIENCE
+
 
 @dataclass
 class Receiver:
@@ -19,7 +21,7 @@ class Receiver:
     got: list[tuple[dict[str, str], bytes]] = field(default_factory=list)
     arrived: threading.Condition = field(default_factory=threading.Condition)
 
-    def wait(self, count: int, *, within: float = 30.0) -> list[tuple[dict[str, str], bytes]]:
+    def wait(self, count: int, *, within: float = PATIENCE) -> list[tuple[dict[str, str], bytes]]:
         with self.arrived:
             assert self.arrived.wait_for(lambda: len(self.got) >= count, timeout=within), f"{len(self.got)} came"
             return list(self.got)
@@ -55,5 +57,5 @@ def receiving(statuses: list[int] | None = None) -> Iterator[Receiver]:
         yield receiver
     finally:
         server.shutdown()
-        thread.join(timeout=10)
+        thread.join(timeout=PATIENCE)
         server.server_close()

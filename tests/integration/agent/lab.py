@@ -27,6 +27,7 @@ from rig_simulator.grpc_server import Server
 from rig_simulator.plant import Plant
 from rig_simulator.sensors import Sensor
 from tests.integration.api.conftest import Service
+from tests.support.patience import PATIENCE
 
 RIG = """
 [rig]
@@ -168,20 +169,21 @@ class Lab:
     def attempt(self, acquisition: str) -> dict[str, Any]:
         return dict(self.get(acquisition)["attempts"][-1])
 
-    def wait(self, acquisition: str, *statuses: str, within: float = 120.0) -> dict[str, Any]:
+    def wait(self, acquisition: str, *statuses: str, within: float = PATIENCE) -> dict[str, Any]:
         """Wait for a status, by default for the end."""
         wanted = statuses or ("done", "failed", "lost", "cancelled")
         self.until(lambda: self.get(acquisition)["status"] in wanted, within=within, what=lambda: self.get(acquisition))
         return self.get(acquisition)
 
     def until(
-        self, condition: Callable[[], bool], *, within: float = 120.0, what: Callable[[], object] = lambda: ""
+        self, condition: Callable[[], bool], *, within: float = PATIENCE, what: Callable[[], object] = lambda: ""
     ) -> None:
         began, pause = time.monotonic(), 0.02
         while not condition():
             assert time.monotonic() < began + within, what()
             time.sleep(pause)
-            pause = min(1.3 * pause, 0.2 if within <= 120.0 else 2.0)  # asking costs the service, which has work to do
+            # asking costs the service, which has work to do
+            pause = min(1.3 * pause, 0.2 if within <= PATIENCE else 2.0)
 
     def samples(self, dataset: str, channels: int = 2) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Return what arrived, in V, shape (samples, channels)."""

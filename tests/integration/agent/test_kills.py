@@ -18,6 +18,7 @@ import pytest
 from storage import open_database
 from tests.integration.agent.lab import LAG, RIG
 from tests.integration.api.conftest import Service, make_keys
+from tests.support.patience import PATIENCE
 
 STEP = {"output": "valve", "signal": {"kind": "step", "amplitude": 1}}
 
@@ -132,7 +133,7 @@ def test_kill_of_the_service(lab, tmp_path) -> None:
 
 def answers(client: httpx.Client) -> None:
     """Wait until a service is there."""
-    give_up_at = time.monotonic() + 180
+    give_up_at = time.monotonic() + PATIENCE
     while True:
         try:
             if client.get("/healthz").status_code == 200:
@@ -178,7 +179,7 @@ def test_kill_of_the_device_server(lab, tmp_path) -> None:
             simulator.stdin.write("levels\ncrash\n")
             simulator.stdin.flush()
             assert simulator.stdout.read().splitlines()[-1] == "cDAQ1Mod2/ao0=0"
-            assert simulator.wait(30) == 1
+            assert simulator.wait(PATIENCE) == 1
 
 
 def test_settings_that_make_no_sense_end_it_at_once(tmp_path) -> None:

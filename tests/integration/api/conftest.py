@@ -28,6 +28,7 @@ from storage import open_database
 from storage.models import DEFAULT_WORKSPACE
 from storage.models.workspace import Workspace
 from storage.repositories import ApiKeyRepository
+from tests.support.patience import PATIENCE
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Service:
 
     def client(self, key: str = "admin") -> httpx.Client:
         return httpx.Client(
-            base_url=self.url, headers={"Authorization": f"Bearer {self.keys[key]}"}, timeout=60, trust_env=False
+            base_url=self.url, headers={"Authorization": f"Bearer {self.keys[key]}"}, timeout=PATIENCE, trust_env=False
         )
 
 
@@ -79,7 +80,7 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
         yield Service(url=f"http://127.0.0.1:{port}", database_url=database_url, keys=make_keys(database_url), app=app)
     finally:
         server.should_exit = True
-        thread.join(timeout=20)
+        thread.join(timeout=PATIENCE)
         assert not thread.is_alive()
 
 
@@ -143,10 +144,10 @@ def working(database_url: str) -> Iterator[None]:
         yield
     finally:
         process.stdin.close()
-        assert process.wait(timeout=30) == 0
+        assert process.wait(timeout=PATIENCE) == 0
 
 
-def finished(client: httpx.Client, job: dict[str, Any], *, within: float = 120.0) -> dict[str, Any]:
+def finished(client: httpx.Client, job: dict[str, Any], *, within: float = PATIENCE) -> dict[str, Any]:
     """Wait for a job to end."""
     until = time.monotonic() + within
     while time.monotonic() < until:

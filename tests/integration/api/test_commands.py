@@ -32,6 +32,7 @@ from tests.integration.api.documents import LAG, upload
 from tests.integration.api.test_datasets import FILE, TEXT
 from tests.support import postgres
 from tests.support.collecting import collector, spans_of
+from tests.support.patience import PATIENCE
 
 KEY = "a-key-of-the-operator"
 #: The trace and the caller's span of the example in W3C's Trace Context, section 3.2.
@@ -56,20 +57,22 @@ def served(
     with (folder / "log.txt").open("w") as log:
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT, text=True)
         try:
-            with httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=30) as client:
+            with httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=PATIENCE) as client:
                 wait(client, 200, process, folder)
                 client.headers["Authorization"] = f"Bearer {settings.get('bootstrap_key', '')}"
                 yield process, client
         finally:
             process.terminate()
             try:
-                process.wait(timeout=30)
+                process.wait(timeout=PATIENCE)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
 
 
-def wait(client: httpx.Client, status: int, process: subprocess.Popen[str], folder: Path, within: float = 240.0) -> Any:
+def wait(
+    client: httpx.Client, status: int, process: subprocess.Popen[str], folder: Path, within: float = PATIENCE
+) -> Any:
     until = time.monotonic() + within
     while time.monotonic() < until:
         assert process.poll() is None, (folder / "log.txt").read_text()
@@ -97,7 +100,7 @@ def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_pat
             # The worker tells it with its next heartbeat.
             assert number(client, r'servotune_kernel_warm_up_seconds{worker="[^"]+"}') > 0
             process.send_signal(signal.SIGTERM)
-            assert process.wait(timeout=30) == 0
+            assert process.wait(timeout=PATIENCE) == 0
         require_one_trace(spans_of(received, TRACE), job)
     log = (tmp_path / "log.txt").read_text()
     assert "Traceback" not in log
@@ -156,7 +159,7 @@ def test_serve_makes_a_key_for_secrets_beside_its_database(tmp_path) -> None:
     assert not path.exists()
 
 
-def number(client: httpx.Client, name: str, within: float = 60.0) -> float:
+def number(client: httpx.Client, name: str, within: float = PATIENCE) -> float:
     """Wait for a number of `/metrics`, by a pattern of its name and labels."""
     until = time.monotonic() + within
     while not (found := re.search(rf"^{name} (\S+)$", told := client.get("/metrics").text, flags=re.MULTILINE)):
@@ -202,7 +205,7 @@ def test_the_worker_ends_with_a_killed_service(tmp_path) -> None:
         (worker,) = [int(child) for child in children.stdout.split()]
         process.kill()
         process.wait()
-        until = time.monotonic() + 30
+        until = time.monotonic() + PATIENCE
         while time.monotonic() < until and Path(f"/proc/{worker}").exists():
             time.sleep(0.1)
         assert not Path(f"/proc/{worker}").exists()
@@ -263,7 +266,7 @@ def test_no_secret_gets_into_the_most_talkative_log(tmp_path, postgres_url, post
         ticket = client.post("/v1/tickets").json()["ticket"]
         with connect(f"ws://127.0.0.1:{client.base_url.port}/v1/live?ticket={ticket}", proxy=None) as page:
             page.send("{")
-            page.recv(timeout=30)
+            page.recv(timeout=PATIENCE)
         client.post("/v1/systems", json={"name": "a-name-nobody-else-reads"})
         client.post("/v1/systems", json=LAG | {"name": "a-name-nobody-else-reads"})
         client.get("/v1/nothing", headers={"Authorization": "Bearer st_a_wrong_key"})

@@ -10,6 +10,7 @@ import httpx
 import pytest
 
 from tests.integration.api.conftest import Service
+from tests.support.patience import PATIENCE
 
 
 def test_others_are_answered_while_the_contract_is_made(
@@ -21,13 +22,13 @@ def test_others_are_answered_while_the_contract_is_made(
 
     def slowly() -> dict[str, Any]:
         begun.set()
-        assert answered.wait(240)
+        assert answered.wait(PATIENCE)
         return make()
 
     monkeypatch.setattr(app, "openapi", slowly)
     with sqlite_service.client() as client, ThreadPoolExecutor(1) as beside:
-        contract = beside.submit(httpx.get, f"{sqlite_service.url}/openapi.json", timeout=240, trust_env=False)
-        assert begun.wait(240)
+        contract = beside.submit(httpx.get, f"{sqlite_service.url}/openapi.json", timeout=PATIENCE, trust_env=False)
+        assert begun.wait(PATIENCE)
         assert client.get("/v1/systems").status_code == 200
         answered.set()
         assert contract.result().json() == make()

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from api.schemas.replies import ExpectedReply
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, upload
+from tests.support.patience import PATIENCE
 
 RATE = 200.0
 K, TAU = 3.0, 0.05
@@ -143,12 +144,12 @@ def test_a_cancelled_search_gives_its_best_values(client, sqlite_worker, long_se
     (said,) = [one["detail"] for one in job["warnings"]]
     assert "simulations" in said
     assert "fewer starts take less" in said
-    until = time.monotonic() + 60
+    until = time.monotonic() + PATIENCE
     while "best after" not in str(client.get(f"/v1/jobs/{job['id']}").json()["message"]) and time.monotonic() < until:
         time.sleep(0.05)
     client.post(f"/v1/jobs/{job['id']}/cancel")
     assert finished(client, job)["status"] == "cancelled"
-    until = time.monotonic() + 60
+    until = time.monotonic() + PATIENCE
     while (found := client.get(f"/v1/jobs/{job['id']}/result")).status_code == 409 and time.monotonic() < until:
         time.sleep(0.05)
     assert found.json()["status"] == "cancelled"

@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from tests.integration.api.documents import upload
+from tests.support.patience import PATIENCE
 
 LAG = {
     "name": "lag",
@@ -48,7 +49,7 @@ def opened(service: Any, key: str = "run") -> ClientConnection:
 
 
 def heard(socket: ClientConnection) -> dict[str, Any]:
-    return json.loads(socket.recv(timeout=20))
+    return json.loads(socket.recv(timeout=PATIENCE))
 
 
 def frame(data: bytes | str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -75,7 +76,7 @@ def test_curves_and_metrics_are_those_of_the_formulas(sqlite_service) -> None:
         assert told["type"] == "opened"
         assert [p["path"] for p in told["parameters"] if not p["bound"]] == ["k", "tau"]
         say(socket, type="set", seq=7, vectors=[[2.0, 0.2], [4.0, 0.2]])
-        header, arrays = frame(socket.recv(timeout=20))
+        header, arrays = frame(socket.recv(timeout=PATIENCE))
         assert header["seq"] == 7
         assert [v["verdict"] for v in header["variants"]] == ["ok", "ok"]
         for variant, k in enumerate((2.0, 4.0)):
@@ -106,9 +107,9 @@ def test_the_newest_values_win(sqlite_service) -> None:
         heard(socket)
         for seq in range(200):
             say(socket, type="set", seq=seq, vectors=[[1.0 + seq / 100, 0.2]])
-        answered, deadline = [], time.monotonic() + 20
+        answered, deadline = [], time.monotonic() + PATIENCE
         while time.monotonic() < deadline and (not answered or answered[-1] != 199):
-            data = socket.recv(timeout=20)
+            data = socket.recv(timeout=PATIENCE)
             if isinstance(data, bytes):
                 answered.append(frame(data)[0]["seq"])
         assert answered[-1] == 199
@@ -131,15 +132,15 @@ def test_curves_do_not_wait_for_metrics_that_take_long(sqlite_service) -> None:
         say(socket, type="open", system=chain, parameters=list(parameters), metrics=["rise_time"], duration=4)
         assert heard(socket)["type"] == "opened"
         say(socket, type="set", seq=1, vectors=[values])
-        assert frame(socket.recv(timeout=20))[0]["seq"] == 1
+        assert frame(socket.recv(timeout=PATIENCE))[0]["seq"] == 1
         time.sleep(0.3)  # its metrics are under way now
         say(socket, type="set", seq=2, vectors=[[2.0, *values[1:]]])
-        assert frame(socket.recv(timeout=20))[0]["seq"] == 2
+        assert frame(socket.recv(timeout=PATIENCE))[0]["seq"] == 2
         # what was given up has left nothing behind: the next system is measured
         say(socket, **OPEN)
         assert heard(socket)["type"] == "opened"
         say(socket, type="set", seq=3, vectors=[[2.0, 0.2]])
-        assert frame(socket.recv(timeout=20))[0]["seq"] == 3
+        assert frame(socket.recv(timeout=PATIENCE))[0]["seq"] == 3
         told = heard(socket)
         assert (told["type"], told["seq"]) == ("metrics", 3)
 
@@ -154,7 +155,7 @@ def test_a_system_with_a_delay_takes_the_exact_path(sqlite_service) -> None:
         say(socket, type="open", system=delayed, parameters=["late.time"], duration=1, samples=101)
         assert heard(socket)["type"] == "opened"
         say(socket, type="set", seq=1, vectors=[[0.25], [0.75]])
-        _, arrays = frame(socket.recv(timeout=20))
+        _, arrays = frame(socket.recv(timeout=PATIENCE))
         t = np.linspace(0, 1, 101)
         for variant, late in enumerate((0.25, 0.75)):
             away = np.abs(t - late) > 1e-9
@@ -181,7 +182,7 @@ def test_what_is_wrong_is_told_at_its_place_and_the_channel_stays_open(sqlite_se
         say(socket, type="set", seq=4, vectors=[[1.0]])
         assert heard(socket)["problem"]["detail"] == "a vector must be 2 numbers, got 1"
         say(socket, type="set", seq=5, vectors=[[1.0, -1.0]])
-        header, arrays = frame(socket.recv(timeout=20))
+        header, arrays = frame(socket.recv(timeout=PATIENCE))
         assert header["variants"][0]["verdict"] == "unstable"
         assert np.isfinite(arrays["outputs"][0, 0, :10]).all()
 
@@ -203,7 +204,7 @@ def test_the_ticket_of_a_key_revoked_since_opens_nothing(sqlite_service) -> None
 
 def test_who_may_only_read_may_not_compute(sqlite_service) -> None:
     with pytest.raises((ConnectionClosed, Exception), match=r"403|scope"), opened(sqlite_service, "read") as socket:
-        socket.recv(timeout=20)
+        socket.recv(timeout=PATIENCE)
 
 
 def test_a_recording_comes_at_the_instants_of_the_picture_in_si_with_its_noise(sqlite_service) -> None:

@@ -40,6 +40,7 @@ from storage.repositories.systems import StoredSystem
 from tests.integration.api.documents import LAG, lag_recording, sha256
 from tests.support import postgres
 from tests.support.desk import Desk
+from tests.support.patience import PATIENCE
 
 DATA = lag_recording(samples=700)
 _numbers = itertools.count()
@@ -168,10 +169,10 @@ def test_a_move_is_counted_and_the_unfinished_jobs_are_computed_there(filled, ot
     thread.start()
     desk = Desk(open_database(other_url))
     try:
-        ended = {desk.wait(ids[name], timeout=120).status for name in ("waiting", "running")}
+        ended = {desk.wait(ids[name]).status for name in ("waiting", "running")}
     finally:
         stop.set()
-        thread.join(timeout=30)
+        thread.join(timeout=PATIENCE)
         desk.database.dispose()
     assert ended <= {"succeeded", "failed"}
 
@@ -197,7 +198,7 @@ def test_a_backup_is_one_moment_of_a_database_in_use(fresh_database, tmp_path, m
         assert run(maintenance.backup, tmp_path / "b", url=fresh_database.url, monkeypatch=monkeypatch) == 0
     finally:
         stop.set()
-        thread.join(timeout=30)
+        thread.join(timeout=PATIENCE)
     with sqlite3.connect(tmp_path / "b") as connection:
         rows = connection.execute(
             "SELECT last_event, (SELECT count(*) FROM job_event WHERE job_id = job.id) FROM job"

@@ -19,6 +19,7 @@ from storage.models.base import utc_now
 from tests.integration.api.blunders import require_problem
 from tests.integration.api.conftest import Service, serving
 from tests.integration.api.documents import LAG, OPTIMIZATION
+from tests.support.patience import PATIENCE
 
 
 @pytest.mark.parametrize(
@@ -117,7 +118,7 @@ def lively(sqlite_template, tmp_path) -> Iterator[Service]:
 
 @pytest.mark.parametrize("how", ["revoked", "expired", "signed out"])
 def test_an_event_stream_ends_with_what_opened_it(lively, how) -> None:
-    with lively.client() as admin, httpx.Client(base_url=lively.url, timeout=30, trust_env=False) as follower:
+    with lively.client() as admin, httpx.Client(base_url=lively.url, timeout=PATIENCE, trust_env=False) as follower:
         job = admin.post("/v1/optimizations", json=OPTIMIZATION | {"system": LAG}).json()["id"]
         key = admin.post("/v1/keys", json={"name": "f", "scopes": ["read"]}).json()
         headers = {"Authorization": f"Bearer {key['key']}"}
@@ -134,7 +135,7 @@ def test_an_event_stream_ends_with_what_opened_it(lively, how) -> None:
 
         thread = threading.Thread(target=follow)
         thread.start()
-        assert first.wait(10)
+        assert first.wait(PATIENCE)
         if how == "revoked":
             admin.delete(f"/v1/keys/{key['id']}")
         elif how == "expired":
@@ -145,7 +146,7 @@ def test_an_event_stream_ends_with_what_opened_it(lively, how) -> None:
         else:
             with httpx.Client(base_url=lively.url, cookies=follower.cookies, trust_env=False) as browser:
                 assert browser.delete("/v1/session", headers={"X-CSRF-Token": token}).status_code == 204
-        thread.join(timeout=10)
+        thread.join(timeout=PATIENCE)
         assert not thread.is_alive()
         assert not any("succeeded" in line or "cancelled" in line for line in lines)
         assert admin.get("/v1/systems").status_code == 200
@@ -165,7 +166,7 @@ def test_an_event_stream_goes_on_for_who_may_stay(lively) -> None:
         time.sleep(2.5)  # longer than two looks
         assert thread.is_alive()
         client.post(f"/v1/jobs/{job}/cancel")
-        thread.join(timeout=10)
+        thread.join(timeout=PATIENCE)
     assert any("cancelled" in line for line in events)
 
 
@@ -176,10 +177,10 @@ def test_a_socket_closes_with_what_opened_it(lively) -> None:
         ticket = httpx.post(f"{lively.url}/v1/tickets", headers=holder, trust_env=False).json()["ticket"]
         with connect(f"{lively.url.replace('http', 'ws')}/v1/live?ticket={ticket}", proxy=None) as socket:
             socket.send('{"type": "set", "seq": 1, "vectors": [[1.0]]}')
-            assert "problem" in str(socket.recv(timeout=10))
+            assert "problem" in str(socket.recv(timeout=PATIENCE))
             admin.delete(f"/v1/keys/{key['id']}")
             with pytest.raises(ConnectionClosed) as closed:
-                socket.recv(timeout=10)
+                socket.recv(timeout=PATIENCE)
         assert closed.value.rcvd is not None
         assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (
             1008,

@@ -12,6 +12,7 @@ import pytest
 
 from tests.integration.api.conftest import Service, asked, serving
 from tests.integration.api.documents import LAG, PNEUMATIC, STEP, chain
+from tests.support.patience import PATIENCE
 
 #: More than there are threads for requests.
 MANY = 45
@@ -23,7 +24,7 @@ LARGE = {"system": chain(90), "input": {"port": "u", "signal": {"kind": "step"}}
 
 def until(holds: Callable[[], bool]) -> None:
     """Wait for something that comes of itself."""
-    limit = time.monotonic() + 60
+    limit = time.monotonic() + PATIENCE
     while not holds():
         assert time.monotonic() < limit
         time.sleep(0.01)

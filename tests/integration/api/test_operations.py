@@ -22,6 +22,7 @@ from tests.integration.api.conftest import serving
 from tests.integration.api.documents import LAG, OPTIMIZATION
 from tests.integration.api.test_commands import served
 from tests.support.collecting import collector
+from tests.support.patience import PATIENCE
 
 
 def numbers(client: httpx.Client) -> dict[tuple[str, ...], float]:
@@ -84,11 +85,11 @@ def test_a_dead_worker_beside_the_service_is_told_and_replaced(tmp_path: Path) -
     with served(tmp_path, bootstrap_key="a-key-of-the-operator", log_format="json") as (process, client):
         worker = _pid_of_worker(process.pid)
         os.kill(worker, signal.SIGKILL)
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + PATIENCE
         while (reply := client.get("/readyz")).status_code == 200:
             assert time.monotonic() < deadline
         assert reply.json()["checks"]["worker"] == "absent"
-        deadline = time.monotonic() + 40
+        deadline = time.monotonic() + PATIENCE
         while client.get("/readyz").status_code != 200:
             assert time.monotonic() < deadline, (tmp_path / "log.txt").read_text()
             time.sleep(0.1)

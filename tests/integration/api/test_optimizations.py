@@ -51,7 +51,7 @@ def client(sqlite_service: Service, sqlite_worker: None) -> Iterator[httpx.Clien
 def solved(client: httpx.Client, **changes: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     accepted = client.post("/v1/optimizations", json=REQUEST | changes)
     assert accepted.status_code == 202, accepted.text
-    done = finished(client, accepted.json(), within=60)
+    done = finished(client, accepted.json())
     assert done["status"] == "succeeded", done
     return done, client.get(done["result"]).json()
 
@@ -239,7 +239,7 @@ def test_scenarios_have_names_goals_no_sense_and_the_method_is_chosen(client) ->
     body = {key: value for key, value in REQUEST.items() if key != "method"}
     accepted = client.post("/v1/optimizations", json=body | {"goals": goals, "scenarios": scenarios})
     assert accepted.status_code == 202, accepted.text
-    result = client.get(finished(client, accepted.json(), within=60)["result"]).json()
+    result = client.get(finished(client, accepted.json())["result"]).json()
     assert result["status"] == "converged"
     assert "was chosen because" in result["advice"]
     assert result["seconds"] == pytest.approx(sum(spent["seconds"] for spent in result["effort"].values()))
@@ -270,7 +270,7 @@ def test_texts_with_units_are_bounds_and_doubtful_ones_are_told(client) -> None:
     goals = [REQUEST["goals"][0], REQUEST["goals"][1] | {"upper": "4 %"}, REQUEST["goals"][1] | {"upper": 5}]
     accepted = client.post("/v1/optimizations", json=REQUEST | {"goals": goals})
     assert accepted.status_code == 202, accepted.text
-    done = finished(client, accepted.json(), within=60)
+    done = finished(client, accepted.json())
     result = client.get(done["result"]).json()
     assert result["best"]["c"] == pytest.approx(2 * Z, rel=1e-3)
     wanted = {

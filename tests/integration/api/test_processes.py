@@ -16,6 +16,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from tests.integration.api.documents import LAG
 from tests.integration.api.test_commands import KEY, served
+from tests.support.patience import PATIENCE
 
 #: So many connections that all of them end at one process once in 2^15 times.
 CONNECTIONS = 16
@@ -49,14 +50,14 @@ def test_two_processes_are_one_service(tmp_path: Path, database_url: str) -> Non
 
         before = _answered(client)
         os.kill(min(answering), signal.SIGKILL)
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + PATIENCE
         while len(now := _told(client)) < 2 or now == answering:
             assert time.monotonic() < deadline, (tmp_path / "log.txt").read_text()
             time.sleep(0.1)
         assert len(now & answering) == 1
         assert _answered(client) >= before
         process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=60) == 0
+        assert process.wait(timeout=PATIENCE) == 0
         assert not [pid for pid in {*workers, *answering, *now} if Path(f"/proc/{pid}").exists()]
     assert "Traceback" not in (tmp_path / "log.txt").read_text()
 

@@ -18,6 +18,7 @@ from agent.errors import AttemptError
 from agent.safety import Drive
 from agent.settings import DeviceSettings, InputSettings, OutputSettings
 from tests.integration.drivers.rigs import LOOPBACK, POSITION, VALVE, VARIANTS, Rig
+from tests.support.patience import PATIENCE
 
 BOTH = (LOOPBACK, POSITION)
 STEP_OF_CONVERTER = 3e-6
@@ -100,7 +101,7 @@ def rested(driver: Driver) -> bool:
     return True
 
 
-def until(condition: Callable[[], bool], *, within: float = 120.0) -> None:
+def until(condition: Callable[[], bool], *, within: float = PATIENCE) -> None:
     give_up_at = time.monotonic() + within
     while not condition():
         assert time.monotonic() < give_up_at

@@ -109,10 +109,10 @@ def test_jobs_go_on_where_they_are_and_nobody_dies(
             wait_for(lambda b=before: heartbeats(fresh_database).get(pid) not in {b.get(pid), None}, "a heartbeat")
         queued = desk.ask("square", values=[2.0], pause=0.0)
         hold.unlink()
-        ended = desk.wait(job, timeout=90)
+        ended = desk.wait(job)
         assert (ended.status, ended.attempts, ended.error) == ("succeeded", 1, None)
         assert log.read_text().split() == ["0", "1", "2"]
-        assert desk.wait(queued, timeout=90).status == "succeeded"
+        assert desk.wait(queued).status == "succeeded"
         assert set(heartbeats(fresh_database)) == set(machines)
     finally:
         for machine in machines.values():
@@ -137,7 +137,7 @@ def test_a_job_of_a_killed_worker_goes_on_at_one_whose_clock_is_wrong(
         second.set_clock(jump)
         first.end()
         hold.unlink()
-        ended = desk.wait(job, timeout=90)
+        ended = desk.wait(job)
         assert (ended.status, ended.attempts, ended.error) == ("succeeded", 2, None)
     finally:
         first.end()

@@ -77,7 +77,7 @@ def test_postgres_restarts_under_load(tmp_path: Path, seconds: float, rounds: in
             assert kept >= load.statuses[201]  # one whose answer was cut off may be there, too
             try:
                 for job in jobs:
-                    assert desk.wait(job, timeout=60).status == "succeeded"
+                    assert desk.wait(job).status == "succeeded"
             except AssertionError as error:
                 error.add_note(log.read_text())
                 raise

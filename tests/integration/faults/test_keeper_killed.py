@@ -42,7 +42,7 @@ def test_another_keeper_goes_on_and_does_nothing_twice(
             log.with_suffix(".hold").unlink()
             jobs += [held, *aside]
             for job in jobs:
-                assert desk.wait(job, timeout=90).status == "succeeded"
+                assert desk.wait(job).status == "succeeded"
             after = holder(desk)
             assert after is not None
             assert after.holder != before.holder

@@ -112,7 +112,7 @@ def test_a_job_goes_on_when_the_pooler_is_started_anew(
     desk, log = Desk(pooled), tmp_path / "steps"
     worker = start_worker(pooled_url, log=tmp_path / "worker.txt")
     try:
-        assert desk.wait(desk.ask("square", values=[1, 2]), timeout=90).status == "succeeded"
+        assert desk.wait(desk.ask("square", values=[1, 2])).status == "succeeded"
         log.with_suffix(".hold").touch()
         job = desk.ask("climb", steps=3, log=str(log))
         wait_for(log.exists, "the first step")
@@ -120,10 +120,10 @@ def test_a_job_goes_on_when_the_pooler_is_started_anew(
         log.with_suffix(".hold").unlink()  # it goes on, and has nobody to tell
         wait_for(lambda: len(log.read_text().split()) == 3, "the last step")
         pooler.start()
-        ended = desk.wait(job, timeout=90)
+        ended = desk.wait(job)
         assert (ended.status, ended.attempts) == ("succeeded", 1)
         assert log.read_text().split() == ["0", "1", "2"]
-        assert desk.wait(desk.ask("square", values=[3]), timeout=90).status == "succeeded"
+        assert desk.wait(desk.ask("square", values=[3])).status == "succeeded"
     except AssertionError as error:
         error.add_note((tmp_path / "worker.txt").read_text())
         raise

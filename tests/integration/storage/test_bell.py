@@ -14,6 +14,7 @@ from storage import Database
 from storage.jobs import bell as module
 from storage.jobs.bell import Bell, ring
 from tests.support.desk import Desk, wait_for
+from tests.support.patience import PATIENCE
 
 
 @contextmanager
@@ -71,7 +72,7 @@ def test_a_job_wakes_who_waits_when_it_is_committed(postgres_database: Database,
                 session.rollback()
             assert waiting.is_alive()
             desk.ask("square", values=[1])
-            waiting.join(60)
+            waiting.join(PATIENCE)
             assert not waiting.is_alive()
     desk.queue.close()
 
@@ -86,13 +87,13 @@ def test_who_is_cut_off_asks_at_once_and_listens_again(postgres_database: Databa
                         "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE query LIKE 'LISTEN servotune_work%'"
                     )
                 )
-            waiting.join(60)
+            waiting.join(PATIENCE)
             assert not waiting.is_alive()
         rest(bell)
         with asleep(bell) as again:
             with postgres_database.session() as session:
                 ring(session)
-            again.join(60)
+            again.join(PATIENCE)
             assert not again.is_alive()
 
 

@@ -14,6 +14,7 @@ import pytest
 from storage.jobs.children import Child, ChildDied, Zygote
 from storage.jobs.compute import ComputeJob, Done, Frame, Message
 from tests.support.desk import COMPUTE, exists, wait_for, wait_until_gone
+from tests.support.patience import PATIENCE
 
 
 def job(kind: str, **body) -> ComputeJob:
@@ -21,7 +22,7 @@ def job(kind: str, **body) -> ComputeJob:
 
 
 def next_frame(child: Child) -> Frame:
-    give_up_at = time.monotonic() + 20
+    give_up_at = time.monotonic() + PATIENCE
     while (frame := child.receive(0.1)) is None:
         assert time.monotonic() < give_up_at
     return frame
@@ -85,7 +86,7 @@ def test_killing_the_zygote_kills_its_children_and_the_next_job_gets_a_new_one(z
     with pytest.raises(ChildDied, match="lost the process that started it"):
         next_frame(child)
     child.kill()
-    wait_until_gone(process, timeout=5.0)
+    wait_until_gone(process)
     other = zygote.start(job("square", values=[2], pause=0))
     while not isinstance(frame := next_frame(other), Done):
         pass
@@ -124,7 +125,7 @@ def test_a_service_manager_that_signals_every_process_leaves_the_children_to_the
         os.kill(one, signal.SIGINT)
     assert child.receive(0.3) is None
     child.kill()
-    wait_until_gone(process, timeout=1.0)
+    wait_until_gone(process)
     assert exists(parent)
 
 
@@ -142,5 +143,5 @@ def test_closing_kills_what_still_runs(zygote):
     told = next_frame(child)
     assert isinstance(told, Message)
     zygote.close()
-    wait_until_gone(int(told.text), timeout=1.0)
+    wait_until_gone(int(told.text))
     child.kill()

@@ -81,7 +81,7 @@ def test_cancel_kills_a_busy_loop_within_a_second(busy_desk):
     process = busy_desk.process_of(job_id)
     job = busy_desk.cancel(job_id)
     assert job.status == "cancelled"
-    wait_until_gone(process, timeout=1.0)
+    wait_until_gone(process)
     assert busy_desk.events(job_id)[-1][1:] == ("status", {"status": "cancelled"})
     assert busy_desk.cancel(job_id).finished_at == job.finished_at  # a second time changes nothing
 
@@ -128,7 +128,7 @@ def test_two_slots_work_at_the_same_time(busy_desk):
     for job in jobs[:2]:
         busy_desk.cancel(job)
     for process in (first, second):
-        wait_until_gone(process, timeout=1.0)
+        wait_until_gone(process)
     assert busy_desk.get(jobs[2]).attempts == 0
 
 

@@ -68,7 +68,7 @@ def test_priorities_decide_within_a_workspace_and_workspaces_take_turns(desk, wo
         if "small" in name:
             with desk.database.session() as session:
                 found = JobRepository(session, "ws_small")
-                wait_for(lambda f=found, j=job: f.get(j).status == "succeeded", "the small workspace's job", 40)
+                wait_for(lambda f=found, j=job: f.get(j).status == "succeeded", "the small workspace's job")
     del jobs["small 0"], jobs["small 1"], jobs["small 2"]
     order = order_of(desk, jobs)
     assert all(name.startswith("high") for name in order[:8]), order
@@ -136,7 +136,7 @@ def test_a_job_out_of_time_fails_and_its_process_is_gone(desk, worker):
     job = desk.wait(limited)
     assert (job.status, job.error["type"]) == ("failed", "urn:servotune:problem:overdue")
     assert "within its time_limit of 0.8 s" in job.error["detail"]
-    wait_until_gone(process, timeout=1.0)
+    wait_until_gone(process)
     blocker = desk.ask("linger")
     desk.wait(blocker, "running")
     late = desk.wait(desk.ask_in(DEFAULT_WORKSPACE, "linger", queue={"deadline": utc_now() + timedelta(seconds=0.3)}))

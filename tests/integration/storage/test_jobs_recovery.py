@@ -21,6 +21,7 @@ from storage.models import DEFAULT_WORKSPACE, Elected, Job
 from storage.repositories import JobRepository, WorkerRepository
 from storage.repositories import jobs as changes
 from tests.support.desk import COMPUTE, Desk, exists, wait_for, wait_until_gone
+from tests.support.patience import PATIENCE
 
 WORK = """
 import sys, threading
@@ -96,9 +97,9 @@ def test_a_killed_workers_job_is_finished_by_the_next_one(desk: Desk, database_u
     log = tmp_path / "log"
     job_id = desk.ask("kill_worker", log=str(log), times=1)
     worker = start_worker(database_url)
-    assert worker.wait(timeout=30) == -signal.SIGKILL
+    assert worker.wait(timeout=PATIENCE) == -signal.SIGKILL
     (child,) = map(int, log.read_text().split())
-    wait_until_gone(child, timeout=1.0)
+    wait_until_gone(child)
     assert desk.get(job_id).status == "running"
     follower = Worker(database_url, compute=COMPUTE)
     follower.start()
@@ -112,7 +113,7 @@ def test_a_killed_workers_job_is_finished_by_the_next_one(desk: Desk, database_u
 def test_a_job_that_kills_its_workers_fails(desk: Desk, database_url, tmp_path):
     job_id = desk.ask("kill_worker", log=str(tmp_path / "log"), times=99)
     for _ in range(3):
-        assert start_worker(database_url).wait(timeout=30) == -signal.SIGKILL
+        assert start_worker(database_url).wait(timeout=PATIENCE) == -signal.SIGKILL
     last = Worker(database_url, compute=COMPUTE)
     last.start()
     job = desk.wait(job_id)
@@ -145,21 +146,21 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
             # with SQLite's one lock in hand: whoever stands still in the middle of a write there holds up everybody
             session.execute(update(Job).where(false()).values(attempts=0))
             hanging.send_signal(signal.SIGSTOP)
-        give_up_at = time.monotonic() + 15
+        give_up_at = time.monotonic() + PATIENCE
         while desk.get(job_id).worker != heir.name:
             assert time.monotonic() < give_up_at
             time.sleep(0.05)
         assert desk.get(job_id).attempts == 2
         # Its name is forgotten after its jobs have been handed on: one that comes back in between keeps it.
-        wait_for(lambda: _forgotten(desk, dead_name), "the dead one forgotten", timeout=15)
+        wait_for(lambda: _forgotten(desk, dead_name), "the dead one forgotten")
         # Back to life, it finds that the job is not its own any more.
         hanging.send_signal(signal.SIGCONT)
-        wait_until_gone(first, timeout=3.0)
+        wait_until_gone(first)
         job = desk.get(job_id)
         assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
         # It has lost its name, and works on under another one; what it takes before it notices, it gives back.
         other = desk.ask("linger")
-        wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name", timeout=15)
+        wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name")
     finally:
         heir.stop()
 
@@ -193,7 +194,7 @@ def test_what_was_claimed_under_a_lost_name_is_found_by_whoever_begins(
         claimed = _claimed_by(desk, "lost-0")
         beginner = start_worker(database_url)
         try:
-            assert desk.wait(claimed, timeout=90).status == "succeeded"
+            assert desk.wait(claimed).status == "succeeded"
         finally:
             beginner.kill()
             beginner.wait()
@@ -238,7 +239,7 @@ def test_when_the_keeper_dies_another_one_hands_out_what_was_put_aside(desk, dat
         next(worker for worker in workers if worker.pid == keeper).kill()
         with desk.database.session() as session:  # put aside: in nobody's queue, until a keeper finds it
             job_id = JobRepository(session, DEFAULT_WORKSPACE).create(kind="square", body={"values": [1, 2]}).id
-        assert desk.wait(job_id, timeout=90).status == "succeeded"
+        assert desk.wait(job_id).status == "succeeded"
         assert elected(desk) == other
     finally:
         for worker in workers:

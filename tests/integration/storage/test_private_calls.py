@@ -14,6 +14,7 @@ from storage import Database
 from storage.jobs import private_calls
 from storage.jobs.engine import SERIALIZER
 from tests.support.desk import wait_for
+from tests.support.patience import PATIENCE
 
 QUEUE, NAME, DEAD = "private calls", "private_calls_test", "an executor that died"
 
@@ -92,7 +93,7 @@ def test_a_process_takes_what_it_has_room_for(engine: DBOS, gate: Gate, fresh_da
     wait_for(looked(gate, 5), "five looks at the queue")
     assert not gate.begun.is_set()
     gate.free = 1
-    assert gate.begun.wait(30)
+    assert gate.begun.wait(PATIENCE)
 
 
 def test_a_process_looks_when_it_is_told_to(engine: DBOS, gate: Gate, fresh_database: Database) -> None:
@@ -104,13 +105,13 @@ def test_a_process_looks_when_it_is_told_to(engine: DBOS, gate: Gate, fresh_data
 
     private_calls.limit_claims(engine, QUEUE, gate.slots, wait=wait)
     gate.free = 1
-    assert asleep.wait(30)
+    assert asleep.wait(PATIENCE)
     before = gate.asked
     enqueue(fresh_database)
     assert not gate.begun.wait(0.5)
     assert gate.asked <= before + 1
     woken.set()
-    assert gate.begun.wait(30)
+    assert gate.begun.wait(PATIENCE)
 
 
 def test_workflows_that_run_are_counted_until_their_end_is_written(
@@ -119,7 +120,7 @@ def test_workflows_that_run_are_counted_until_their_end_is_written(
     assert private_calls.running_workflows(engine, QUEUE) == 0
     gate.free = 1
     enqueue(fresh_database)
-    assert gate.begun.wait(30)
+    assert gate.begun.wait(PATIENCE)
     assert private_calls.running_workflows(engine, QUEUE) == 1
     gate.opened.set()
     wait_for(lambda: private_calls.running_workflows(engine, QUEUE) == 0, "the end of the workflow")
@@ -140,7 +141,7 @@ def test_what_a_dead_executor_has_left_is_done(engine: DBOS, gate: Gate, fresh_d
     wait_for(looked(gate, 5), "five looks at the queue")
     assert not gate.begun.is_set()
     private_calls.recover([DEAD])
-    assert gate.begun.wait(30)
+    assert gate.begun.wait(PATIENCE)
 
 
 def test_a_process_at_rest_asks_once_for_what_does_not_change(
@@ -168,6 +169,6 @@ def test_a_process_at_rest_asks_once_for_what_does_not_change(
     assert [statement for statement in asked if "advisory" in statement] == []
     gate.free = 1
     enqueue(fresh_database)
-    assert gate.begun.wait(30)
+    assert gate.begun.wait(PATIENCE)
     gate.opened.set()
     wait_for(lambda: private_calls.running_workflows(engine, QUEUE) == 0, "the end of the workflow")

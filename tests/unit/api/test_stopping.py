@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from api.runtime.arguments import stopped_by_signals
+from tests.support.patience import PATIENCE
 
 SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
@@ -34,5 +35,5 @@ def test_a_signal_that_meets_the_wait_for_it_stops_the_process(number: signal.Si
             handled.set()
 
     threading.Thread(target=wait, daemon=True).start()
-    assert handled.wait(10)
-    assert stop.wait(10)
+    assert handled.wait(PATIENCE)
+    assert stop.wait(PATIENCE)
