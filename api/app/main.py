@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from importlib.metadata import version
@@ -117,19 +118,21 @@ class Application(FastAPI):
     """The application, with the edge outside of all else, and a reference that also holds the schema of problems."""
 
     encrypted = False
+    _making = threading.Lock()
 
     def build_middleware_stack(self) -> ASGIApp:
         """Put the edge outside of what answers errors that nobody foresaw."""
         return Edge(super().build_middleware_stack(), encrypted=self.encrypted)
 
     def openapi(self) -> dict[str, Any]:
-        """Return the OpenAPI document."""
-        document = super().openapi()
-        if "ProblemReply" not in document["components"]["schemas"]:
-            problem = ProblemReply.model_json_schema(ref_template=_SCHEMAS + "{model}")
-            document["components"]["schemas"] |= {**problem.pop("$defs"), "ProblemReply": problem}
-            add_examples(document)
-        return document
+        """Return the OpenAPI document; whoever asks while another makes it waits until it is whole."""
+        with self._making:
+            document = super().openapi()
+            if "ProblemReply" not in document["components"]["schemas"]:
+                problem = ProblemReply.model_json_schema(ref_template=_SCHEMAS + "{model}")
+                document["components"]["schemas"] |= {**problem.pop("$defs"), "ProblemReply": problem}
+                add_examples(document)
+            return document
 
 
 def _contract(request: Request) -> Response:

@@ -1,14 +1,18 @@
-"""The contract is served while others are answered: making it takes seconds the first time."""
+"""The contract is served whole, and while others are answered: making it takes seconds the first time."""
 
 from __future__ import annotations
 
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 import httpx
 import pytest
 
+from api.app import main
+from api.app.examples import add_examples
+from api.settings import Settings
 from tests.integration.api.conftest import Service
 from tests.support.patience import PATIENCE
 
@@ -32,3 +36,18 @@ def test_others_are_answered_while_the_contract_is_made(
         assert client.get("/v1/systems").status_code == 200
         answered.set()
         assert contract.result().json() == make()
+
+
+def test_nobody_sees_a_contract_that_is_half_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    app = main.create_app(Settings.model_construct())
+    second: list[Future[dict[str, Any]]] = []
+    with ThreadPoolExecutor(1) as beside:
+
+        def while_another_asks(document: Mapping[str, Any]) -> None:
+            second.append(beside.submit(app.openapi))
+            assert not wait(second, timeout=0.5).done  # it waits for this one
+            add_examples(document)
+
+        monkeypatch.setattr(main, "add_examples", while_another_asks)
+        assert app.openapi() == second[0].result(PATIENCE)
+        assert len(second) == 1
