@@ -54,9 +54,7 @@ def _alike(channels: Channels, rows: Series) -> None:
     for r in range(count):
         channels.like[r], channels.sign[r] = r, 1.0
         for back in range(count - 1 if r < watched else -1, -1, -1):
-            other = (
-                watched + back
-            ) % count  # what goes into channels comes last: it is told of every row that is like it
+            other = (watched + back) % count  # what goes into channels comes last: every row like it is told so
             if r <= other < watched:
                 continue
             for sign in (-1.0, 1.0):

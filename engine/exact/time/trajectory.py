@@ -8,8 +8,9 @@ delayed signals and (with delays) states to 1e-13. Where the echoes have become 
 delay; it is then solved together with what returns to itself. Without delays a command that is constant or linear is
 followed over many equal segments at once, and so is what goes on when any command has ended. With delays what goes on then
 is counted from where it will rest, once it is near: solving for a long segment leaves rounding of all that is counted, and what
-is left of a transient has no room for it; from then on equal segments are many at once here, too. The lanes then replay the same segments; an end that moves with a delay carries
-that delay's infinitesimal, so derivatives with respect to delays are exact too.
+is left of a transient has no room for it; from then on equal segments are many at once here, too. The lanes then replay the
+same segments; an end that moves with a delay carries that delay's infinitesimal, so derivatives with respect to delays are
+exact too.
 """
 
 from __future__ import annotations
