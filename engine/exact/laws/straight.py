@@ -1,10 +1,11 @@
 """A system all of whose laws are straight lines in their present modes: its rates and whole steps are linear maps.
 
-    [f; e; v; y] = M [x; u; u'; w; o]
+    [f; z; e; v; y] = M [x; u; u'; w; o]
 
-with states x, inputs u and their slopes u', delayed signals w, and the constants o of the laws' lines; f are the rates, e
-and v the laws' inputs and outputs. The maps depend on the slopes of the lines only: the levels of a quantizer share them.
-A step of the collocation then is a linear map of its start, the inputs and o, solved once for each width and kept.
+with states x, inputs u and their slopes u', delayed signals w, and the constants o of the laws' lines; f are the rates, z what
+goes into the delays, e and v the laws' inputs and outputs. The maps depend on the slopes of the lines only: the levels of a
+quantizer share them. A step of the collocation then is a linear map of its start, the inputs and o, solved once for each width
+and kept.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def constants(law: Law, mode: Mode) -> Real:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Map:
-    """M, by the columns of x, u, u', w and o; the first rows are the rates, then e, v and y; ``tangent`` of one instant.
+    """M, by the columns of x, u, u', w and o; the first rows are the rates, then z, e, v and y; ``tangent`` of one instant.
 
     ``solved`` is False where what is held is not moved by what holds it: only the tangent then says anything.
     """
@@ -98,7 +99,7 @@ class Map:
     du: Real
     w: Real
     o: Real
-    rows: tuple[int, int, int, int]
+    rows: tuple[int, int, int, int, int]
     tangent: Tangent
     solved: bool
     leaps: dict[float, Leap] = field(default_factory=dict)
@@ -115,12 +116,12 @@ class Map:
         """
         m = {name: matrix[0] for name, matrix in system.matrices.items()}
         n, nl, ne, nv = system.states, system.linear_states, m["c3"].shape[0], m["b3"].shape[1]
-        count = sum(line.count for line in lines)
+        count, nu, nw = sum(line.count for line in lines), m["d31"].shape[1], m["d32"].shape[1]
         held = [
             (law.outputs.start + line.held, law, line) for law, line in _pairs(system, lines) if line.held is not None
         ]
-        own, fe, ge = np.zeros((n, n)), np.zeros((n, ne)), np.zeros((nv, ne))
-        gx, rate, out = np.zeros((nv, n)), np.zeros((n, count)), np.zeros((nv, count))
+        own, fe, ge, gx = (np.zeros(shape) for shape in ((n, n), (n, ne), (nv, ne), (nv, n)))
+        rate, out = np.zeros((n, count)), np.zeros((nv, count))
         at = 0
         for law, line in _pairs(system, lines):
             own[law.states, law.states], fe[law.states, law.inputs] = line.fx, line.fz
@@ -136,11 +137,10 @@ class Map:
         for k, (output, law, line) in enumerate(held):
             unit[output, k] = 1.0
             surface[k, law.inputs] = line.surface
-        nu, nw = m["d31"].shape[1], m["d32"].shape[1]
         # columns: x, u, u', w, o and what is held
         edges = np.cumsum([0, n, nu, nu, nw, count, len(held)])
         x, u, du, w, o, h = (slice(*pair) for pair in pairwise(edges))
-        v, e, f, y = (np.zeros((rows, edges[-1])) for rows in (nv, ne, n, m["d13"].shape[0]))
+        v, e, f, z, y = (np.zeros((rows, edges[-1])) for rows in (nv, ne, n, nw, m["d13"].shape[0]))
         v[:, x], v[:, u], v[:, w], v[:, o], v[:, h] = gx, ge @ m["d31"], ge @ m["d32"], out, unit
         if np.any(m["d33"]):
             v = closed(system.order, ge @ m["d33"], v)
@@ -149,14 +149,16 @@ class Map:
         f[:, x], f[:, o], f[:nl, u], f[:nl, w] = own, rate, m["b1"], m["b2"]
         f += fe @ e
         f[:nl] += m["b3"] @ v
-        y[:, :nl], y[:, u], y[:, w] = m["c1"], m["d11"], m["d12"]
-        y += m["d13"] @ v
+        for rows, k in ((y, 1), (z, 2)):
+            rows[:, :nl], rows[:, u], rows[:, w] = m[f"c{k}"], m[f"d{k}1"], m[f"d{k}2"]
+            rows[:] += m[f"d{k}3"] @ v
         hold = surface @ e[:, x]
+        moved = np.concatenate([f, z])[None]
         tangent = Tangent(
-            fx=f[None, :, x], fm=f[None, :, h], em=(surface @ e[:, h])[None], surface=surface[None], hold=hold[None],
-            gain=(hold @ f[:, h])[None],
+            by_x=moved[:, :, x], by_w=moved[:, :, w], by_held=moved[:, :, h], em=(surface @ e[:, h])[None],
+            surface=surface[None], hold=hold[None], gain=(hold @ f[:, h])[None],
         )  # fmt: skip
-        whole = np.concatenate([f, e, v, y])
+        whole = np.concatenate([moved[0], e, v, y])
         solved = not held or bool(np.linalg.matrix_rank(tangent.gain[0]) == len(held))
         if held and solved:
             moves = hold @ f
@@ -171,7 +173,7 @@ class Map:
         if not np.isfinite(whole).all():
             raise np.linalg.LinAlgError
         return cls(
-            x=whole[:, x], u=whole[:, u], du=whole[:, du], w=whole[:, w], o=whole[:, o], rows=(n, ne, nv, len(y)),
+            x=whole[:, x], u=whole[:, u], du=whole[:, du], w=whole[:, w], o=whole[:, o], rows=(n, nw, ne, nv, len(y)),
             tangent=tangent, solved=solved,
         )  # fmt: skip
 
@@ -193,7 +195,7 @@ def _pairs(system: NonlinearSystem, lines: Sequence[Line]) -> Iterator[tuple[Law
 class Leap:
     """A step as linear maps of its start, of the inputs at its nodes (in one row) and of o.
 
-    ``nodes`` gives [x; f; e; v; y] at the 17 nodes, ``path`` the start and the stages.
+    ``nodes`` gives [x; f; z; e; v; y] at the 17 nodes, ``path`` the start and the stages.
     """
 
     nodes: Real
@@ -275,11 +277,11 @@ class Straight:
             found += du @ own.du.T
         if own.w.shape[1]:
             found += w @ own.w.T
-        n, e, v, _ = own.rows
-        return found[..., :n], found[..., n : n + e], found[..., n + e : n + e + v]
+        n, z, e, v, _ = own.rows
+        return found[..., :n], found[..., n + z : n + z + e], found[..., n + z + e : n + z + e + v]
 
     def step(self, start: Real, values: Real, width: float, method: Scheme) -> tuple[Real, Real]:
-        """Return start and stages (s + 1, n) of a step, and [x; f; e; v; y] at its nodes (17, ·).
+        """Return start and stages (s + 1, n) of a step, and [x; f; z; e; v; y] at its nodes (17, ·).
 
         ``values`` (17, inputs) are the inputs at the nodes.
         """

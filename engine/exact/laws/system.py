@@ -292,24 +292,31 @@ class NonlinearSystem:
             ge[:, output] = 0.0
             unit[output, k] = 1.0
         gx[:, :, :nl] += ge @ m["c3"]
-        vx, vm = gx, np.broadcast_to(unit, (count, *unit.shape))
+        # columns: states, delayed signals, what is held
+        columns = np.cumsum([n, m["d32"].shape[1]])
+        v = np.concatenate([gx, ge @ m["d32"], np.broadcast_to(unit, (count, *unit.shape))], axis=2)
         if self._linked:
-            mixed = ge @ m["d33"]
-            vx, vm = closed(real.order, mixed, vx), closed(real.order, mixed, vm)
-        ex, em = m["d33"] @ vx, m["d33"] @ vm
-        ex[:, :, :nl] += m["c3"]
-        fx = fx + fe @ ex
-        fm = fe @ em
-        fx[:, :nl] += m["b3"] @ vx
-        fx[:, :nl, :nl] += m["a"]
-        fm[:, :nl] += m["b3"] @ vm
+            v = closed(real.order, ge @ m["d33"], v)
+        inputs = m["d33"] @ v
+        inputs[:, :, :nl] += m["c3"]
+        inputs[:, :, columns[0] : columns[1]] += m["d32"]
+        f = np.concatenate([fe @ inputs, m["d23"] @ v], axis=1)
+        f[:, :n, :n] += fx
+        f[:, :nl] += m["b3"] @ v
+        for rows, states, delayed in ((slice(nl), "a", "b2"), (slice(n, None), "c2", "d22")):
+            f[:, rows, :nl] += m[states]
+            f[:, rows, columns[0] : columns[1]] += m[delayed]
+        ex, _, em = np.split(inputs, columns, axis=2)
+        by_x, by_w, by_held = np.split(f, columns, axis=2)
         surface = np.zeros((count, len(pairs), ne))
         for k, (_, number) in enumerate(pairs):
             law = real.laws[number]
             seen = real.moment(law, at.t, at.x, e)
             surface[:, k, law.inputs] = surface_slopes(law.element, seen, at.modes[number], law.values)
         hold = surface @ ex
-        return Tangent(fx=fx, fm=fm, em=surface @ em, surface=surface, hold=hold, gain=hold @ fm)
+        return Tangent(
+            by_x=by_x, by_w=by_w, by_held=by_held, em=surface @ em, surface=surface, hold=hold, gain=hold @ by_held[:, :n],
+        )  # fmt: skip
 
     def holdable(self, number: int, at: Instants) -> bool:
         """Return whether the held output of law ``number`` can keep what it holds where it is, at one real instant."""

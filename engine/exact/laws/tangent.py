@@ -1,4 +1,4 @@
-"""Slopes of a nonlinear system along its states and what its laws hold."""
+"""Slopes of a nonlinear system along its states, its delayed signals and what its laws hold."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tangent:
-    """Slopes of a system at N instants: of the rates ``f`` and of what is held, by states ``x`` and held outputs ``m``.
+    """Slopes of a system at N instants, by states ``x``, m delayed signals ``w`` and held outputs.
 
-    Shapes: ``fx`` (N, n, n), ``fm`` (N, n, held); of what is held ``surface`` (N, held, channels) by the laws' inputs,
-    ``hold`` (N, held, n) by the states, ``em`` (N, held, held) by the held outputs at once, ``gain`` (N, held, held) of
-    its rate by the held outputs.
+    Shapes: of rates and then of what goes into the delays ``by_x`` (N, n + m, n), ``by_w`` (N, n + m, m) and ``by_held``
+    (N, n + m, held); of what is held ``surface`` (N, held, channels) by the laws' inputs, ``hold`` (N, held, n) by the states,
+    ``em`` (N, held, held) by the held outputs at once, ``gain`` (N, held, held) of its rate by the held outputs.
     """
 
-    fx: Array
-    fm: Array
+    by_x: Array
+    by_w: Array
+    by_held: Array
     em: Array
     surface: Array
     hold: Array
@@ -35,8 +36,27 @@ class Tangent:
         return Tangent(**{name: np.broadcast_to(array, (count, *array.shape[1:])) for name, array in parts.items()})
 
     @property
+    def fx(self) -> Array:
+        """Slope of the rates by the states, (N, n, n)."""
+        return self.by_x[:, : self.by_x.shape[2]]
+
+    @property
+    def fm(self) -> Array:
+        """Slope of the rates by what is held, (N, n, held)."""
+        return self.by_held[:, : self.by_x.shape[2]]
+
+    @property
     def total(self) -> Array:
         """Slope of the rates by the states when the held inputs stay where they are, (N, n, n)."""
         if not self.gain.shape[-1]:
             return self.fx
         return np.asarray(self.fx - self.fm @ np.linalg.solve(self.gain, self.hold @ self.fx))
+
+    @property
+    def joint(self) -> Array:
+        """Slope of rates and what goes into the delays by states and delayed signals, likewise, (N, n + m, n + m)."""
+        free = np.concatenate([self.by_x, self.by_w], axis=2)
+        if not self.gain.shape[-1]:
+            return free
+        moves = self.hold @ free[:, : self.by_x.shape[2]]
+        return np.asarray(free - self.by_held @ np.linalg.solve(self.gain, moves))

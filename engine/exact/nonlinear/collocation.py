@@ -6,9 +6,15 @@ The method is L-stable and of order 2 s - 1 at the end of a step, so that stiff 
 method, and its polynomial of degree s is the dense output. A step is held when the last Legendre coefficients of that
 polynomial are below the tolerance: what is seen between the points is as good as what is at the end.
 
+On a step longer than a delay τ what comes out of it near its end went in on the step itself. The polynomial through start and
+stages of what goes in, z, gives it; both unknowns are solved for together:
+
+    w_j = past_j + Σ_k l_jk z(t_0 + c_k h, x_k, w_k),   l_jk the value at c_j - τ / h of the k-th Lagrange polynomial, k = 0..s
+
 References
 ----------
-E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", Springer 1996, IV.5 and IV.8.
+E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", Springer 1996, IV.5 and IV.8;
+A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford 2003, chapter 6 (overlapping).
 """
 
 from __future__ import annotations
@@ -52,12 +58,57 @@ class Scheme:
     to_nodes: Real
     tail: Real
 
-    def at(self, theta: Array) -> Real:
-        """Return the weights from start and stages to the points ``theta``, shape (len(theta), s + 1)."""
-        return _vander(np.asarray(theta), len(self.points)) @ _to_coefficients(len(self.points))
+    def at(self, theta: Array) -> Array:
+        """Return the weights from start and stages to the points ``theta``, shape (*theta.shape, s + 1)."""
+        return np.asarray(_vander(np.asarray(theta), len(self.points)) @ _to_coefficients(len(self.points)))
+
+    def back(self, delays: Array, grain: float) -> Array:
+        """Return the weights from start and stages to what left them ``delays`` (..., m), in steps, before each stage.
+
+        Shape (..., m, s, s + 1); 0 where that is before the step, or at its start to within ``grain`` steps: a jump there is not yet seen.
+        """
+        theta = self.points - delays[..., None]
+        inside = theta.real > grain
+        return np.where(inside[..., None], self.at(np.where(inside, theta, 0.0)), 0.0)
 
 
-def _vander(theta: Array, degree: int) -> Real:
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """What unknowns y at the stages, states and then delayed signals, are made of besides what is known: Σ_k weights_jk g(y)_k.
+
+    Rates are summed by ``states`` (s, s), what goes into the delays by ``delayed`` (m, s, s).
+    """
+
+    states: Real
+    delayed: Real
+
+    def of(self, g: Array) -> Array:
+        """Return the sums of ``g`` (..., s, n + m)."""
+        m = len(self.delayed)
+        if not m:
+            return np.asarray(self.states @ g)
+        n = g.shape[-1] - m
+        return np.concatenate(
+            [self.states @ g[..., :n], np.einsum("bjk,...kb->...jb", self.delayed, g[..., n:])], axis=-1
+        )
+
+    def factors(self, jacobian: Real) -> tuple[Array, Array] | None:
+        """Return the factors of 1 - Σ jacobian, slopes (s, n + m, n + m) of g; None where it is singular."""
+        s, r = jacobian.shape[:2]
+        n = r - len(self.delayed)
+        blocks = np.empty((s, r, s, r))
+        blocks[:, :n] = np.einsum("jk,kab->jakb", -self.states, jacobian[:, :n])
+        if n < r:
+            blocks[:, n:] = np.einsum("ajk,kab->jakb", -self.delayed, jacobian[:, n:])
+        matrix = blocks.reshape(s * r, s * r)
+        matrix[np.diag_indices(s * r)] += 1.0
+        if not np.isfinite(matrix).all():
+            return None
+        triangles, pivots, info = lapack.dgetrf(matrix, overwrite_a=True)
+        return None if info else (triangles, pivots)
+
+
+def _vander(theta: Array, degree: int) -> Array:
     return np.asarray(np.polynomial.legendre.legvander(2 * np.asarray(theta) - 1, degree))
 
 
@@ -95,76 +146,57 @@ def scheme(stages: int) -> Scheme:
 
 
 def solve(
-    rates: Callable[[Real], Real],
-    slope: Callable[[Real], Real],
-    *,
-    start: Real,
-    guess: Real,
-    width: float,
-    method: Scheme,
-    scale: Real,
+    g: Callable[[Real], Real], slope: Callable[[Real], Real], sums: Sums, *, known: Real, guess: Real, scale: Real
 ) -> Real | None:
-    """Return the stages (s, n) of one step, None where Newton's method does not converge.
+    """Return y (s, r) with y = known + Σ g(y) at the stages of one step, None where Newton's method does not converge.
 
     Parameters
     ----------
-    rates : callable
-        (s, n) -> (s, n): rates at the stages.
+    g : callable
+        (s, r) -> (s, r): rates, and what goes into the delays.
     slope : callable
-        (s, n) -> (s, n, n): their exact slopes.
-    start : ndarray, shape (n,)
-    guess : ndarray, shape (s, n)
-    width : float
-    method : Scheme
-    scale : ndarray, shape (n,)
-        Size of each state; corrections are judged relative to it.
+        (s, r) -> (s, r, r): their exact slopes.
+    sums : Sums
+    known, guess : ndarray, shape (s, r)
+    scale : ndarray, shape (r,)
+        Size of each unknown; corrections are judged relative to it.
     """
-    x = guess
-    if not x.shape[1]:
-        return x
+    y = guess
+    if not y.shape[1]:
+        return y
     factors: tuple[Array, Array] | None = None
     last = np.inf
     for _ in range(_NEWTON):
-        f = rates(x)
-        residual = start + width * (method.a @ f) - x
+        values = g(y)
+        residual = known + sums.of(values) - y
         if factors is None and np.isfinite(residual).all():
-            factors = _factors(slope(x) * (scale / scale[:, None]), width, method)
+            factors = sums.factors(slope(y) * (scale / scale[:, None]))
         if factors is None:
             return None
-        step = _apply(factors, (residual / scale).ravel()).reshape(x.shape) * scale
-        x = x + step
-        still = ~f.any(axis=0)
-        x[:, still] = start[still]  # what does not move stays exactly where it is, and what follows from it, too
+        step = _apply(factors, (residual / scale).ravel()).reshape(y.shape) * scale
+        y = y + step
+        still = ~values.any(axis=0)
+        y[:, still] = known[:, still]  # what does not move stays exactly where it is, and what follows from it, too
         size = float(np.max(np.abs(step) / scale))
         if size <= 20 * _EPS or (size <= 1e-11 and size <= 1e-3 * last) or (size <= 1e-13 and last <= 1e-12):
-            return x
+            return y
         if not math.isfinite(size) or (size > 2 * last and size > 1e-9):
             return None
         if size > 0.03 * last:
             factors = None
         last = size
-    return x if last <= 1e-12 else None
+    return y if last <= 1e-12 else None
 
 
-def infinitesimal(jacobian: Real, residual: Real, width: float, method: Scheme, scale: Real) -> Real | None:
-    """Return the solution (lanes, s, n) of the linearised step for ``residual`` (lanes, s, n)."""
-    lanes, s, n = residual.shape
-    if not n:
+def infinitesimal(jacobian: Real, residual: Real, sums: Sums, scale: Real) -> Real | None:
+    """Return the solution (lanes, s, r) of the linearised step for ``residual`` (lanes, s, r)."""
+    lanes, s, r = residual.shape
+    if not r:
         return residual
-    factors = _factors(jacobian * (scale / scale[:, None]), width, method)
+    factors = sums.factors(jacobian * (scale / scale[:, None]))
     if factors is None:
         return None
-    return np.asarray(_apply(factors, (residual / scale).reshape(lanes, s * n).T).T.reshape(lanes, s, n) * scale)
-
-
-def _factors(jacobian: Real, width: float, method: Scheme) -> tuple[Array, Array] | None:
-    s, n = jacobian.shape[:2]
-    matrix = np.einsum("jk,kab->jakb", -width * method.a, jacobian).reshape(s * n, s * n)
-    matrix[np.diag_indices(s * n)] += 1.0
-    if not np.isfinite(matrix).all():
-        return None
-    triangles, pivots, info = lapack.dgetrf(matrix, overwrite_a=True)
-    return None if info else (triangles, pivots)
+    return np.asarray(_apply(factors, (residual / scale).reshape(lanes, s * r).T).T.reshape(lanes, s, r) * scale)
 
 
 def _apply(factors: tuple[Array, Array], right: Array) -> Array:

@@ -263,8 +263,7 @@ class Integration:
         """Go on to ``target``, or as far as accuracy or an event allow."""
         self.smooth, self._torn = self.smooth and not self._torn, False
         gap = target - self.now
-        longest = float(self.system.delays[0].real.min()) if self.system.delays.shape[-1] else math.inf
-        width = min(self._width, gap, longest)
+        width = min(self._width, gap)
         if not math.isfinite(self._width):
             width = min(width, self._first_width())
         if 0.5 * gap < width < gap:

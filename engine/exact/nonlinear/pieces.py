@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -156,22 +157,26 @@ class Record:
         out = np.zeros((lanes, times.shape[1], m), dtype=complex if whole else float)
         if not m or not self.times:
             return out
-        known = np.asarray(self.times)
-        for i in range(m):
-            past = times - (delays[:, i, None] if whole else delays[:1, i, None].real)
-            real = past[0].real
-            grain = 1e-12 * max(abs(float(known[-1])), float(delays[0, i].real))
-            beside = real + np.where(later, grain, -grain)
-            piece = np.minimum(np.searchsorted(known, beside, side="right") - 1, len(self.y) - 1)
-            for k in np.unique(piece[piece >= 0]):
-                places = np.flatnonzero(piece == k)
-                z, start, end = self.z[k][:, :, i], self.edges[k], self.edges[k + 1]
-                if not whole:
-                    z, start, end = z[:, :1].real, start[:1].real, end[:1].real
-                theta = (past[:, places] - start[:, None]) / (end - start)[:, None]
-                inside = np.clip(theta.real, 0.0, 1.0)
-                theta = inside + 1j * theta.imag if whole else inside
-                out[:, places, i] = np.einsum("ltj,jl->lt", weights(theta), z)
+        lags = delays if whole else delays[:1].real
+        past = times[:, None] - lags[:, :, None]
+        grain = 1e-12 * np.maximum(abs(self.times[-1]), lags[0].real)[:, None]
+        beside = past[0].real + np.where(later, grain, -grain)
+        last = len(self.y) - 1
+        pieces = np.array([min(bisect_right(self.times, t) - 1, last) for t in beside.ravel().tolist()]).reshape(
+            beside.shape
+        )
+        channel, place = np.nonzero(pieces >= 0)
+        if not len(place):
+            return out
+        found = pieces[channel, place].tolist()
+        z = np.array([self.z[k][:, :lanes, i] for k, i in zip(found, channel.tolist(), strict=True)])  # (P, 17, lanes)
+        start, end = (np.array([self.edges[k + more][:lanes] for k in found]) for more in (0, 1))
+        if not whole:
+            z, start, end = z.real, start.real, end.real
+        theta = (past[:, channel, place] - start.T) / (end - start).T
+        inside = np.clip(theta.real, 0.0, 1.0)
+        theta = inside + 1j * theta.imag if whole else inside
+        out[:, place, channel] = np.einsum("lpj,pjl->lp", weights(theta), z)
         return out
 
     def jumps(self, time: Array, delays: Array) -> bool:

@@ -17,6 +17,7 @@ from engine.exact.laws.system import Flow, Instants, NonlinearSystem
 from engine.exact.nonlinear.collocation import MANY_STATES, SHORT_STAGES, STAGES, Scheme, infinitesimal, scheme, solve
 from engine.exact.nonlinear.pieces import Command, Record
 from engine.exact.nonlinear.switching import ROUNDING, StoppedError
+from engine.exact.nonlinear.unknowns import Unknowns
 from engine.exact.time.chebyshev import NODES, coefficient_matrix, differentiation_matrix, weights
 from engine.model.verdicts import Verdict
 
@@ -59,7 +60,8 @@ class Step:
     ``path`` (s + 1, n) holds start and stages; ``guards`` are (law, guard, values at the nodes); ``miss`` is what the
     polynomials miss in parts of the tolerance, ``error`` what the outputs miss in parts of their largest values;
     ``singular`` names a law that leaps or goes to infinity on it. A step that a linear map gave has the map, ``straight``;
-    cut short, it has the ends of its path only, unless there are infinitesimals.
+    cut short, it has the ends of its path only, unless there are infinitesimals. ``heard`` (s + 1, m) are the delayed signals at
+    start and stages of a step longer than a delay.
     """
 
     width: float
@@ -71,6 +73,7 @@ class Step:
     error: float
     singular: str = ""
     straight: Straight | None = None
+    heard: Real | None = None
 
     def slope_of(self, guard: int, theta: float) -> float:
         """Return the slope in time of a guard at ``theta`` of the step."""
@@ -106,9 +109,9 @@ class Stepper:
         self._made_of = np.concatenate(rows)
         ends = np.cumsum([0, *(len(part) for part in rows)])
         self._groups = [slice(*pair) for pair in pairwise(ends) if pair[1] > pair[0]]
-        self._laws = slice(int(ends[-3]), int(ends[-2]))
+        self._laws, self._entering = slice(int(ends[-3]), int(ends[-2])), slice(int(ends[1]), int(ends[2]))
         self._parts, self._sums = np.zeros(self._made_of.shape[1]), np.zeros(len(self._made_of))
-        self._last: tuple[Real, float] | None = None
+        self._last: tuple[Real, Real | None, float] | None = None
 
     @property
     def order(self) -> int:
@@ -134,33 +137,46 @@ class Stepper:
         EngineError, numpy.linalg.LinAlgError, ArithmeticError
             Where the equations themselves fail on it.
         """
-        real, points, width = self.real, self.method.points, drive.width
-        times = (drive.start + width * points)[None]
-        u, du = (part[None] for part in drive.at(points))
-        w = self.delayed(times)
-
-        def instants(x: Real) -> Instants:
-            return Instants(t=times, x=x[None], u=u, du=du, w=w, modes=modes)
-
-        scale = np.maximum(self.scale, np.abs(start))
-        scale = np.maximum(scale, 1e-12 * scale.max(initial=0.0))
-        scale[scale == 0] = 1.0
-        stages = solve(
-            lambda x: np.asarray(real.flow(instants(x)).f[0]),
-            lambda x: real.tangent(instants(x)).total,
-            start=start,
-            guess=self._guess(start, width),
+        n, begin, width = len(start), np.array([drive.start]), np.array([drive.width])
+        step = Unknowns(
+            self.real,
+            drive,
+            modes,
+            start=start[None],
+            begin=begin,
             width=width,
             method=self.method,
-            scale=scale,
+            delayed=self.delayed,
         )
-        return None if stages is None else self.judge(np.concatenate([start[None], stages]), drive, modes)
+        known = step.known[0]
+        scale = self._sizes(known, len(start))
+        stages = solve(
+            lambda y: step.g(y[None])[0], lambda y: step.slope(y[None]), step.sums, known=known,
+            guess=self._guess(known, drive.width), scale=scale,
+        )  # fmt: skip
+        if stages is None:
+            return None
+        heard = step.heard(stages[None])
+        path = np.concatenate([start[None], stages[:, :n]])
+        return self.judge(path, None if heard is None else heard[0], drive, modes)
 
-    def _guess(self, start: Real, width: float) -> Real:
-        if self._last is not None and width <= 1.5 * self._last[1]:
-            path, old = self._last
-            return np.asarray(self.method.at(1 + self.method.points * width / old) @ path)
-        return np.repeat(start[None], len(self.method.points), axis=0)
+    def _sizes(self, known: Real, n: int) -> Real:
+        """Return how large the unknowns of a step are, of which so many are states."""
+        states = np.maximum(self.scale, np.abs(known[0, :n]))
+        heard = np.maximum(self._sums[self._entering], np.abs(known[:, n:]).max(axis=0)) if known.shape[1] > n else ()
+        sizes = np.concatenate([np.maximum(part, 1e-12 * np.max(part, initial=0.0)) for part in (states, heard)])
+        sizes[sizes == 0] = 1.0
+        return sizes
+
+    def _guess(self, known: Real, width: float) -> Real:
+        """Return the last step's polynomials gone on, where they are those of all unknowns."""
+        if self._last is None or width > 1.5 * self._last[2]:
+            return known.copy()
+        path, heard, old = self._last
+        if heard is not None:
+            path = np.concatenate([path, heard], axis=1)
+        ahead = self.method.at(1 + self.method.points * width / old) @ path[:, : known.shape[1]]
+        return np.concatenate([ahead, known[:, ahead.shape[1] :]], axis=1)
 
     def leap(self, start: Real, drive: Command, modes: Sequence[Mode], straight: Straight) -> Step:
         """Return a step of a system that is a linear map in these modes."""
@@ -169,11 +185,9 @@ class Stepper:
         return self._judged(path, nodes, drive, straight, states=self._missed_states(path, nodes, drive.width))
 
     def _leapt(self, table: Real, drive: Command, modes: Sequence[Mode], straight: Straight) -> Nodes:
-        """Return the nodes whose [x; f; e; v; y] are a table (17, ·)."""
-        n, e, v, _ = straight.map.rows
-        whole, ends = table[None], (n, 2 * n, 2 * n + e, 2 * n + e + v)
-        x, f, y = whole[..., :n], whole[..., n : 2 * n], whole[..., ends[3] :]
-        into, out = whole[..., ends[1] : ends[2]], whole[..., ends[2] : ends[3]]
+        """Return the nodes whose [x; f; z; e; v; y] are a table (17, ·)."""
+        rows = straight.map.rows
+        x, f, _, into, out, y = np.split(table[None], np.cumsum([rows[0], *rows[:-1]]), axis=-1)
         times = (drive.start + drive.width * NODES)[None]
         slope = self.quiet(differentiation_matrix() @ into / drive.width, into, np.array([drive.width]))
         u, none = drive.values[None], np.zeros((1, len(NODES), 0))
@@ -190,9 +204,13 @@ class Stepper:
         """Return the part of a step before ``theta``; ``drive`` is the command on it."""
         if step.straight is not None:
             return self._cut_leap(step, theta, drive, step.straight)
-        path = self.method.at(theta * np.concatenate([[0.0], self.method.points])) @ step.path
+        part = self.method.at(theta * np.concatenate([[0.0], self.method.points]))
+        path, heard = part @ step.path, step.heard
         path[0] = step.path[0]
-        return self.judge(path, drive, step.nodes.at.modes)
+        if heard is not None:
+            longer = drive.width > float(self.real.delays.min())
+            heard = np.concatenate([heard[:1], part[1:] @ heard]) if longer else None
+        return self.judge(path, heard, drive, step.nodes.at.modes)
 
     def _cut_leap(self, step: Step, theta: float, drive: Command, straight: Straight) -> Step:
         nodes = step.nodes
@@ -211,11 +229,12 @@ class Stepper:
             return self._judged(path, kept, drive, straight, states=step.error)
         return replace(step, width=drive.width, path=path, command=drive, nodes=kept)  # no worse than the whole
 
-    def judge(self, path: Real, drive: Command, modes: Sequence[Mode]) -> Step:
-        """Return the step whose start and stages are ``path``."""
+    def judge(self, path: Real, heard: Real | None, drive: Command, modes: Sequence[Mode]) -> Step:
+        """Return the step whose start and stages are ``path``, with the delayed signals ``heard`` on one longer than a delay."""
         times = (drive.start + drive.width * NODES)[None]
-        nodes = self._nodes(self.real, path[None], times, drive, modes)
-        return self._judged(path, nodes, drive, None, states=self._missed_states(path, nodes, drive.width))
+        nodes = self._nodes(path[None], None if heard is None else heard[None], times, drive, modes)
+        states = self._missed_states(path, nodes, drive.width)
+        return replace(self._judged(path, nodes, drive, None, states=states), heard=heard)
 
     def _judged(self, path: Real, nodes: Nodes, drive: Command, straight: Straight | None, *, states: float) -> Step:
         """Return the step; ``states`` is what its polynomials miss of the states."""
@@ -323,7 +342,7 @@ class Stepper:
         """Remember how large the signals of a step are; a ``whole`` one is the guess of the next."""
         parts, sums = _watched(step.nodes)
         self.remember(step.nodes.at.x[0].real, parts, sums)
-        self._last = (step.path, step.width) if whole and step.straight is None else None
+        self._last = (step.path, step.heard, step.width) if whole and step.straight is None else None
 
     def remember(self, x: Real, parts: Real, sums: Real) -> None:
         """Note how large states and signals are, arrays (N, ·).
@@ -335,11 +354,14 @@ class Stepper:
         self._parts = np.maximum(self._parts, np.abs(parts).max(axis=0, initial=0.0))
         self._sums = np.maximum(self._sums, np.abs(sums).max(axis=0, initial=0.0))
 
-    def _nodes(
-        self, system: NonlinearSystem, path: Array, times: Array, drive: Command, modes: Sequence[Mode]
-    ) -> Nodes:
+    def _nodes(self, path: Array, heard: Array | None, times: Array, drive: Command, modes: Sequence[Mode]) -> Nodes:
+        system = self.system if np.iscomplexobj(path) else self.real
         u, du = drive.near(NODES, times)
-        at = Instants(t=times, x=self.method.to_nodes @ path, u=u, du=du, w=self.delayed(times), modes=modes)
+        w = self.delayed(times)
+        if heard is not None:
+            shorter = self.real.delays[0] < drive.width
+            w[..., shorter] = (self.method.to_nodes @ heard)[..., shorter]
+        at = Instants(t=times, x=self.method.to_nodes @ path, u=u, du=du, w=w, modes=modes)
         flow = system.flow(at)
         y, z = system.read(at, flow.v)
         widths = times[:, -1] - times[:, 0]
@@ -360,23 +382,23 @@ class Stepper:
         begin, end : ndarray, shape (lanes,)
             Its ends in time, which carry their own infinitesimals.
         """
-        real, points = step.path[1:], self.method.points
-        path = np.empty((self.system.lanes, len(real) + 1, real.shape[1]), dtype=complex)
-        path[:, 0], path[:, 1:] = start, real
-        modes = step.nodes.at.modes
-        width = end - begin
-        if real.shape[1]:
-            times = begin[:, None] + points * width[:, None]
-            u, du = step.command.near(points, times)
-            at = Instants(t=times, x=path[:, 1:], u=u, du=du, w=self.delayed(times), modes=modes)
-            residual = start[:, None] + width[:, None, None] * (self.method.a @ self.system.flow(at).f)
-            slope = self.real.tangent(at.real).total
-            scale = np.where(self.scale > 0, self.scale, 1.0)
-            moved = infinitesimal(slope, residual.imag, step.width, self.method, scale)
+        system, modes, real = self.system, step.nodes.at.modes, step.path[1:]
+        path = np.empty((system.lanes, *step.path.shape), dtype=complex)
+        path[:, 0], path[:, 1:], heard = start, real, None
+        if real.shape[1] or step.heard is not None:
+            own = Unknowns(
+                system, step.command, modes, start=start, begin=begin, width=end - begin, method=self.method,
+                delayed=self.delayed,
+            )  # fmt: skip
+            y = own.values(real, None if step.heard is None else step.heard[1:])
+            scale = np.concatenate([self.scale, self._sums[self._entering]])[: y.shape[2]]
+            moved = infinitesimal(own.slope(y), own.missed(y).imag, own.sums, np.where(scale > 0, scale, 1.0))
             if moved is None:
                 raise StoppedError(Verdict.DOUBTFUL, "the derivatives of the response cannot be followed")
-            path[:, 1:] = real + 1j * moved
-        return path, self._nodes(self.system, path, begin[:, None] + NODES * width[:, None], step.command, modes)
+            y = y + 1j * moved
+            path[:, 1:], heard = y[..., : real.shape[1]], own.heard(y)
+        times = begin[:, None] + NODES * (end - begin)[:, None]
+        return path, self._nodes(path, heard, times, step.command, modes)
 
 
 def _rough(values: Real) -> Real:

@@ -89,10 +89,14 @@ def weights(theta: Array) -> Array:
     -------
     ndarray, shape (..., N + 1)
     """
-    x = np.clip(2 * np.real(theta) - 1, -1.0, 1.0)
-    vandermonde = np.polynomial.chebyshev.chebvander(x, DEGREE).reshape(*np.shape(x), DEGREE + 1)
-    basis = vandermonde @ coefficient_matrix()
-    offset = theta - (x + 1) / 2  # the infinitesimal part, and what the clipping took away
+    inside = np.clip(np.real(theta), 0.0, 1.0)
+    gap = np.asarray(inside)[..., None] - NODES
+    node = np.abs(gap) < 1e-290
+    with np.errstate(divide="ignore", invalid="ignore"):
+        terms = _SIGNS / gap
+        basis = terms / terms.sum(axis=-1, keepdims=True)
+    basis = np.where(node.any(axis=-1, keepdims=True), node, basis)
+    offset = theta - inside  # the infinitesimal part, and what the clipping took away
     if np.any(offset != 0):
         basis = basis + offset[..., None] * (basis @ differentiation_matrix())
     return np.asarray(basis)

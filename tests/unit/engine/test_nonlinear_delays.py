@@ -132,3 +132,47 @@ def test_influence_in_a_loop_with_a_delay(law, delay):
         expected = (near[0] - near[1]) / (width * (near[0] + near[1]))
         assert (found[name].method, found[name].verdict) == (Method.EXACT, Verdict.OK)
         assert found[name].value == pytest.approx(expected, rel=2e-6, abs=1e-7)
+
+
+def axis(delay, limit):
+    """Two inertias on a shaft, a PID controller with a limited torque behind a delay."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"),
+        "c": block("pid", kp=2.0, ki=5.0, kd=0.04, filter_frequency=2000.0), "d": block("delay", time=delay),
+        "motor": block("transfer_function", numerator=[1.0], denominator=[0.002, 0.01]), "x": block("integrator"),
+        "twist": block("sum", signs="+-"), "k": block("gain", gain=400.0), "torque": block("sum", signs="+-"),
+        "load": block("transfer_function", numerator=[1.0], denominator=[0.004, 0.004]), "y": block("integrator"),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "x -> e.in2", "e -> c", "d -> torque.in1", "k -> torque.in2", "torque -> motor", "motor -> x",
+             "x -> twist.in1", "y -> twist.in2", "twist -> k", "k -> load", "load -> y"]  # fmt: skip
+    if limit is None:
+        return compile_system(document(blocks, [*wires, "c -> d"], {"y": "y", "x": "x"}))
+    blocks["s"] = block("saturation", lower=-limit, upper=limit)
+    return compile_system(document(blocks, [*wires, "c -> s", "s -> d"], {"y": "y", "x": "x"}))
+
+
+def test_steps_may_be_longer_than_a_delay():
+    """How many there are follows from the response, not from the delay: one of 10 µs takes no more than one of 3 ms."""
+    signals = {"r": make("step", {})}
+    long, short = (Evaluation(axis(delay, 1.0)).simulated(signals, 1.0).outcome for delay in (3e-3, 1e-5))
+    assert (long.verdict, short.verdict) == (Verdict.OK, Verdict.OK)
+    assert short.events == long.events > 0
+    assert short.steps <= long.steps < 300
+
+
+@pytest.mark.parametrize(
+    "command", [{"kind": "step"}, {"kind": "ramp", "slope": 2.0}, {"kind": "sine", "frequency": 30.0}]
+)
+def test_a_limit_that_is_never_reached_changes_nothing(command):
+    """Steps of many delays each against the exact response of the linear loop, with the slopes by a gain and by the delay."""
+    kind = dict(command)
+    asked = [
+        MetricRequest(
+            metric=metric, signals={"r": make(kind.pop("kind", command["kind"]), kind)}, output="y", duration=0.5
+        )
+        for metric in ("peak", "control_effort_rms", "itae")
+    ]
+    free, limited = (measure(axis(1e-3, limit), asked, gradient=["c.kp", "d.time"]) for limit in (None, 1e6))
+    for (known, exact), (found, slopes) in zip(free, limited, strict=True):
+        assert found.value == pytest.approx(known.value, rel=1e-10)
+        np.testing.assert_allclose(slopes.values, exact.values, rtol=1e-7, atol=1e-9 * np.abs(exact.values).max())
