@@ -18,7 +18,7 @@ positive = st.floats(0.2, 5.0)
 
 @st.composite
 def loops(draw: st.DrawFn) -> Diagram:
-    """Return a loop of a lead-lag, a law and a plant of second or third order."""
+    """Return a loop of a lead-lag, a law and a plant of second or third order, with a delay behind the law or the plant, or both, or none."""
     law = draw(st.sampled_from(["saturation", "dead_zone", "lookup_table", "mr_damper_bingham"]))
     size = draw(st.floats(0.05, 2.0))
     values = {
@@ -35,7 +35,13 @@ def loops(draw: st.DrawFn) -> Diagram:
         "law": Block(kind=law, values=values),
         "plant": Block(kind="transfer_function", values={"numerator": [draw(positive)], "denominator": denominator}),
     }  # fmt: skip
-    wires = [("r", "error.in1"), ("plant", "error.in2"), ("error", "gain"), ("gain", "law"), ("law", "plant")]
+    wires = [("r", "error.in1"), ("error", "gain"), ("gain", "law")]
+    for source, target, delay in (("law", "plant", "late"), ("plant", "error.in2", "sensor")):
+        if draw(st.booleans()):
+            blocks[delay] = Block(kind="delay", values={"time": draw(st.floats(0.005, 0.3))})
+            wires += [(source, delay), (delay, target)]
+        else:
+            wires.append((source, target))
     return compile_system(
         System(
             name="loop", parameters={"k": Parameter(value=draw(positive))}, blocks=blocks, outputs={"y": "plant"},

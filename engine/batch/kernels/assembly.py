@@ -107,16 +107,18 @@ def solve(rows: Sequence[Row], right: Sequence[Row], cost: Cost, seen: Callable[
 
 @dataclass(kw_only=True, eq=False)
 class Assembly:
-    """One wiring of a traced diagram without delays: what drives every state, and the signals that are read.
+    """One wiring of a traced diagram: what drives every state, what goes into the delays, and the signals that are read.
 
     Attributes
     ----------
     states, externals : int
-        How many there are; the columns of all rows in that order.
+        How many there are; the columns of all rows in that order, delayed signals behind them.
     flow : list of dict
         x' as rows.
     reads : list of dict
         The outputs of the wiring as rows.
+    entering, delays : list
+        What goes into the delays as rows, and how long each is, s.
     pivots : list
         What was divided by, on the way through algebraic loops.
     """
@@ -126,6 +128,8 @@ class Assembly:
     flow: list[Row]
     reads: list[Row]
     pivots: list[Any] = field(default_factory=list)
+    entering: list[Row] = field(default_factory=list)
+    delays: list[Any] = field(default_factory=list)
 
     @classmethod
     def of(cls, traced: TracedDiagram, wiring: Wiring) -> Assembly:
@@ -147,6 +151,13 @@ class Assembly:
         signals += [{states + k: 1.0} for k in range(externals)]
         signals.append({})
         made = cls(states=states, externals=externals, flow=[], reads=[])
+        made.delays = [length for block in blocks for length in block.delays.tolist()]
+        heard = states + externals
+        for block, flat in zip(blocks, interconnection.blocks, strict=True):
+            if block.d12 is not None:
+                for i, row in enumerate(block.d12):
+                    signals[flat.first_output + i].update(_entries(row, heard))
+            heard += block.delays.shape[-1]
         for step in interconnection.order(blocks, wiring):
             if isinstance(step, Term):
                 add_scaled(signals[step.row], signals[step.source], blocks[step.block].d[step.i, step.j])
@@ -160,6 +171,11 @@ class Assembly:
                     if not is_zero(block.b[i, j]):
                         add_scaled(row, signals[source], block.b[i, j])
                 made.flow.append(row)
+            for line in () if block.d21 is None else block.d21:
+                made.entering.append({})
+                for factor, source in zip(line.tolist(), sources, strict=True):
+                    if not is_zero(factor):
+                        add_scaled(made.entering[-1], signals[source], factor)
         made.reads = [signals[read] for read in wiring.reads]
         return made
 

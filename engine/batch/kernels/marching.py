@@ -95,8 +95,13 @@ def march(
     rates_only: Whole,
     rates: Whole,
     read: Whole,
+    entering: Whole,
     registers: Real,
     inputs: Real,
+    places: Whole,
+    shares: Real,
+    past: Real,
+    first: int,
     width: float,
     stride: int,
     record: Real,
@@ -109,29 +114,45 @@ def march(
         The tape for the beginning of a step.
     rates_only : ndarray of int, shape (K, 5)
         That for the stages within it.
-    rates, read : ndarray of int
-        Registers of x', and of what is written down.
+    rates, read, entering : ndarray of int
+        Registers of x', of what is written down, and of what goes into the delays with its slopes.
     registers : ndarray, shape (registers, groups, LANES)
-        The first hold the states, which are at the end when the march is over; those behind hold the inputs.
+        The first hold the states, which are at the end when the march is over; those behind hold inputs and delayed signals.
     inputs : ndarray, shape (3 steps + 1, inputs)
         Inputs and their slopes at the beginning, in the middle and at the end of each step, and behind the last one: what
         jumps between two steps has another value at the end of the first than at the beginning of the second.
+    places : ndarray of int, shape (3 steps + 1, m)
+    shares : ndarray, shape (3 steps + 1, m, 8)
+    past : ndarray, shape (2 m, slots, groups, LANES)
+    first : int
+        What delayed signals are made of; see `engine.batch.nonlinear.lookback`. What goes in at the beginning of each step is put
+        into the slots of ``past`` from ``first`` on.
     width : float
         Of a step, s.
     stride : int
         Every so many steps it is written down, at the beginning of the first and at the end of the last.
     record : ndarray, shape (groups, steps / stride + 1, read, LANES)
     """
-    states, groups, entering = rates.shape[0], registers.shape[1], inputs.shape[1]
+    states, groups, given, delayed = rates.shape[0], registers.shape[1], inputs.shape[1], places.shape[1]
     steps = inputs.shape[0] // 3
     half, third, sixth, full = spread(width * (1 / 2)), spread(width * (1 / 3)), spread(width * (1 / 6)), spread(width)
     begin = np.empty((states, groups, LANES))
     total = np.empty((states, groups, LANES))
     for k in range(steps + 1):
         for stage in range(4 if k < steps else 1):
-            for i in range(entering):
+            row = 3 * k + (stage + 1) // 2
+            for i in range(given):
                 for j in range(groups):
-                    store2(registers, inputs[3 * k + (stage + 1) // 2, i], states + i, j)
+                    store2(registers, inputs[row, i], states + i, j)
+            for i in range(delayed):
+                values, slopes, slot = past[i], past[delayed + i], places[row, i]
+                for j in range(groups):
+                    a, b = load2(values, slot, j), load2(slopes, slot, j)
+                    c, d = load2(values, slot + 1, j), load2(slopes, slot + 1, j)
+                    for kind in range(2):
+                        share = shares[row, i, 4 * kind : 4 * kind + 4]
+                        heard = a * share[0] + b * share[1] + c * share[2] + d * share[3]
+                        store2(registers, heard, states + given + kind * delayed + i, j)
             if stage == 0:
                 interpret(whole, registers)
                 if k % stride == 0:
@@ -139,6 +160,10 @@ def march(
                         line = record[j]
                         for i in range(read.shape[0]):
                             store2(line, load2(registers, read[i], j), k // stride, i)
+                for i in range(2 * delayed):
+                    line = past[i]
+                    for j in range(groups):
+                        store2(line, load2(registers, entering[i], j), first + k, j)
             else:
                 interpret(rates_only, registers)
             if k == steps:

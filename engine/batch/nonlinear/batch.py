@@ -46,10 +46,14 @@ _EXTENSIONS: Final = 6
 _LIFETIME: Final = 0.4
 """Part of the lifetime of the linearised system, in which e^-36 is left, that a response is followed for at first."""
 _STABLE: Final = 1.5
-"""Steps times the largest pole at first; the method is stable up to 2.8."""
+"""Steps times the largest pole at first, delays left out; the method is stable up to 2.8."""
 MARCHED: Final = 64
 _WORDS: Final = 1 << 21
 """Numbers that a record may have at most."""
+_KEPT: Final = 1 << 13
+"""Steps of pieces that are kept,"""
+_MOST_KEPT: Final = 32
+"""and how many of them."""
 _NEAR_SINGULAR: Final = 1e-6
 
 
@@ -97,7 +101,7 @@ class NonlinearBatch:
     Raises
     ------
     UnsuitableError
-        If the diagram has delays, or a law that is no formula of the instant; or if it answers none of the requests.
+        If the diagram has delays that vary, or a law that is no formula of the instant; or if it answers none of the requests.
     """
 
     def __init__(
@@ -115,12 +119,15 @@ class NonlinearBatch:
         self._reaching = {output: reaching(self._equations, output) for output in self._outputs}
         self._compiled = Compiled(self._equations, self._outputs)
         self.marcher = Marcher(self._compiled, generate=generate)
-        linear = Evaluation(diagram).pace
-        self._fastest = float(np.abs(linear.values).max(initial=0.0))
-        lifetime = linear.lifetime
+        linear = Evaluation(diagram)
+        # what comes back through a delay does so a step later at the soonest, and says nothing about steps
+        own = np.linalg.eigvals(linear.system.a[0].real)
+        self._fastest = float(np.abs(own).max(initial=0.0))
+        lifetime = linear.pace.lifetime
         self._pace = _LIFETIME * lifetime if 0 < lifetime < np.inf else 1.0
         self._writing = threading.Lock()
         self._searched: Rest | None = None
+        self._kept: dict[tuple[int, float, int], Pieces] = {}
 
     def __call__(self, points: Real, *, threads: int | None = None) -> Screened:
         """Return the metrics of candidates.
@@ -163,8 +170,7 @@ class NonlinearBatch:
 
     def _before(self, given: _Given) -> Real:
         """Return the watched outputs of the initial states with all inputs 0, (watched, B)."""
-        silence = np.zeros((1, 2 * len(self._diagram.inputs)))
-        moment = Pieces(edges=np.zeros(2), samples=np.zeros(1, dtype=int), stride=1, inputs=[silence])
+        moment = Pieces.moment(len(self._diagram.inputs), len(self._equations.delays))
         return self.marcher(given.start, given.once, moment).values[:, 0]
 
     def _follow(self, number: int, rows: Any, given: _Given, found: _Found) -> None:
@@ -182,14 +188,16 @@ class NonlinearBatch:
     def _halve(self, number: int, end: float, given: _Given, rows: Any, found: _Found, *, extendable: bool) -> Any:
         """March with ever smaller steps, at first always the same, so that a number depends on no candidates before; return who has to be followed for longer."""
         experiment = self._experiments[number]
-        signals = by_input(self._diagram.inputs, experiment.signals)
         columns = list(experiment.requests)
-        doublings, unsettled = self._first(end), []
+        delays, doublings, unsettled = self._equations.delays, self._first(end), []
+        if end > min(delays, default=np.inf) * (FEWEST << doublings):
+            return rows[:0]
         before: Look | None = None
         while rows.size and doublings <= MOST_DOUBLINGS:
-            pieces = Pieces.of(signals, end, FEWEST, doublings, graded=True)
+            pieces = self._pieces(number, end, doublings)
             looks = []
-            widest = max(16, _WORDS // (pieces.words * (2 * len(self._outputs) + 1)))
+            words = pieces.words * (2 * len(self._outputs) + 1) + 2 * pieces.slots * len(delays)
+            widest = max(16, _WORDS // words)
             for first in range(0, len(rows), widest):
                 part = given.of(rows[first : first + widest])
                 marched = self.marcher(part.start, part.once, pieces)
@@ -211,9 +219,20 @@ class NonlinearBatch:
             before, doublings = look, doublings + 1
         return np.concatenate(unsettled) if unsettled else rows[:0]
 
+    def _pieces(self, number: int, end: float, doublings: int) -> Pieces:
+        """Return the steps of an experiment, kept for the next candidates where they are few."""
+        key = number, end, doublings
+        found = self._kept.get(key)
+        if found is None:
+            signals = by_input(self._diagram.inputs, self._experiments[number].signals)
+            found = Pieces.of(signals, end, FEWEST, doublings, delays=self._equations.delays, graded=True)
+            if found.slots <= _KEPT and len(self._kept) < _MOST_KEPT:
+                self._kept[key] = found
+        return found
+
     def _first(self, end: float) -> int:
         """Return how often the steps of the first march are halved."""
-        wanted = end * self._fastest / _STABLE / FEWEST
+        wanted = end * max(self._fastest / _STABLE, 1 / min(self._equations.delays, default=np.inf)) / FEWEST
         return int(np.clip(np.ceil(np.log2(max(wanted, 1.0))), 0, MOST_DOUBLINGS - 2))
 
     def _look(self, experiment: Experiment, pieces: Pieces, marched: Marched, given: _Given) -> Look:
@@ -258,13 +277,14 @@ class NonlinearBatch:
         self, experiment: Experiment, marched: Marched, given: _Given, curves: dict[int, Curves]
     ) -> dict[int, Curves]:
         """Return the curves with the rest of those that may have come near to it."""
-        ends = [
+        finals = [
             0.0 if signal is None else signal.final() for signal in by_input(self._diagram.inputs, experiment.signals)
         ]
-        constants = [float(end) for end in ends if end is not None]
-        if len(constants) < len(ends):
+        constants = [float(final) for final in finals if final is not None]
+        if len(constants) < len(finals):
             return curves
-        moves = moving(self._equations, given.points, marched.states, constants, float(marched.times[-1]))
+        ends = np.concatenate([marched.states, marched.heard])
+        moves = moving(self._equations, given.points, ends, constants, float(marched.times[-1]))
         curves = {
             output: replace(own, moving=np.asarray(moves[self._reaching[output]].any(axis=0)))
             for output, own in curves.items()
@@ -274,7 +294,7 @@ class NonlinearBatch:
         rows = np.flatnonzero(unclear)
         if not rows.size:
             return curves
-        found = self._rest()(given.points[rows], marched.states[:, rows], constants)
+        found = self._rest()(given.points[rows], ends[:, rows], constants)
         single = np.zeros(len(unclear), dtype=bool)
         single[rows] = found.single
         rests = np.full((len(curves), len(unclear)), np.nan)

@@ -265,13 +265,25 @@ class Curves:
         return time, self._any(b[hidden | barely]) | unsure & exists
 
     def integral(self, of: Callable[[Real, Real], Real]) -> Real:
-        """Return the integral of a function of (error, time) since the start of the command, by Simpson's rule."""
+        """Return the integral of a function of (error, time) since the start of the command, by Simpson's rule.
+
+        Where the error changes its sign, its magnitude has a corner: both sides of it are integrated by themselves.
+        """
         times = self.times[:, None]
         widths = np.diff(self.times)[:, None]
         middle = times[:-1] + 0.5 * widths
         t = times - self.start
         ends, inner = of(self.errors[:, 0], t), of(self.errors[:-1, 1], middle - self.start)
         whole = widths * (ends[:-1] + 4 * inner + ends[1:]) / 6
+        k, b = np.nonzero(self.errors[:-1, 0] * self.errors[1:, 0] < 0)
+        first, mid, last = self.errors[k, 0, b], self.errors[k, 1, b], self.errors[k + 1, 0, b]
+        root = _passes(first, mid, last)
+        total = np.zeros(len(k))
+        for begin, end in ((0.0, root), (root, 1.0)):
+            for weight, place in ((1, begin), (4, 0.5 * (begin + end)), (1, end)):
+                error = np.where(place == root, 0.0, _parabola(place, first, mid, last))
+                total += weight * (end - begin) * of(error, t[k, 0] + place * widths[k, 0])
+        whole[k, b] = widths[k, 0] * total / 6
         return np.asarray(whole[self.times[:-1] >= self.start].sum(axis=0))
 
     def _near(self, b: npt.NDArray[np.intp]) -> Real:
@@ -294,6 +306,20 @@ class Curves:
         time = np.asarray(self.times[place] + 0.5 * (low + high) * h)
         unsure = h * self.kink(place) > RESOLVED * np.abs(time - self.start) * np.abs(y1 - y0)
         return time, unsure
+
+
+def _parabola(theta: Real | float, first: Real, mid: Real, last: Real) -> Real:
+    """Return the parabola through values at 0, 1/2 and 1."""
+    return first + theta * (4 * mid - 3 * first - last + theta * 2 * (first - 2 * mid + last))
+
+
+def _passes(first: Real, mid: Real, last: Real) -> Real:
+    """Return where the parabola through values at 0, 1/2 and 1, whose ends differ in sign, is 0."""
+    rise, bend = 4 * mid - 3 * first - last, 2 * (first - 2 * mid + last)
+    q = -0.5 * (rise + np.copysign(np.sqrt(np.maximum(rise * rise - 4 * bend * first, 0.0)), rise))
+    with np.errstate(all="ignore"):
+        one, other = q / bend, first / q
+    return np.clip(np.where((one >= 0) & (one <= 1), one, np.nan_to_num(other)), 0.0, 1.0)
 
 
 def _hermite(theta: Real, y0: Real, y1: Real, d0: Real, d1: Real) -> Real:

@@ -1,6 +1,6 @@
 """A diagram with nonlinear laws as formulas: what drives every state, what every output is, and how fast it moves.
 
-    x' = f(x, u; p),   y = g(x, u; p),   y' = ∂g/∂x f + ∂g/∂u u'
+    x' = f(x, u, w; p),   y = g(x, u, w; p),   y' = ∂g/∂x f + ∂g/∂u u' + ∂g/∂w w',   w_i(t) = z_i(t - τ_i)
 
 The linear blocks are joined by the sparse elimination of the linear kernels, the laws being channels of them, as on the exact
 path; laws are then put in, in an order in which their inputs are known.
@@ -41,6 +41,10 @@ class Equations:
         x'.
     outputs, output_slopes : list
         y and y', in the order of the diagram's outputs.
+    heard, heard_slopes, entering, entering_slopes : list
+        Signals w that come out of the delays, what goes in, z, and the slopes of both in time.
+    delays : tuple of float
+        τ, s: the same for all candidates.
     outside : number or None
         Positive where a law has left what its formula covers; None where none can.
     bounds : tuple of (Param, Traced)
@@ -58,9 +62,29 @@ class Equations:
     rates: list[Any]
     outputs: list[Any]
     output_slopes: list[Any]
+    heard: list[Any]
+    heard_slopes: list[Any]
+    entering: list[Any]
+    entering_slopes: list[Any]
+    delays: tuple[float, ...]
     outside: Any
     bounds: tuple[tuple[Param, Traced], ...]
     pivots: tuple[Any, ...]
+
+    @property
+    def unknowns(self) -> list[Any]:
+        """What is to be found where all is at rest: states and delayed signals."""
+        return [*self.states, *self.heard]
+
+    @property
+    def drifts(self) -> list[Any]:
+        """What is 0 there: rates, and by how much what goes into the delays differs from what comes out."""
+        return [*self.rates, *(z - w for z, w in zip(self.entering, self.heard, strict=True))]
+
+    @property
+    def signals(self) -> list[Any]:
+        """All that moves by itself: states, inputs and their slopes, delayed signals and their slopes."""
+        return [*self.states, *self.inputs, *self.input_slopes, *self.heard, *self.heard_slopes]
 
     @classmethod
     def of(cls, diagram: Diagram, varied: Sequence[str]) -> Equations:
@@ -69,7 +93,7 @@ class Equations:
         Raises
         ------
         UnsuitableError
-            If the diagram has delays or too many states, a law that is no formula, or an algebraic loop through laws.
+            If the diagram has delays that vary or too many states, a law that is no formula, or an algebraic loop through laws.
         """
         with np.errstate(all="ignore"):  # formulas are written with all signals at 0, where they may have no value
             return _Writer(diagram, varied).equations()
@@ -80,8 +104,8 @@ class _Writer:
         self._varied = tuple(varied)
         self._graph = SignalGraph()
         self._traced = diagram.trace(varied, self._graph)
-        if any(block.delays.shape[-1] for block in self._traced.realizations):
-            raise UnsuitableError("delays")
+        if any(isinstance(length, Traced) for block in self._traced.realizations for length in block.delays.tolist()):
+            raise UnsuitableError("a delay that varies")
         try:
             self._assembly = Assembly.of(self._traced, self._traced.opened)
         except ZeroDivisionError:
@@ -94,6 +118,8 @@ class _Writer:
         self._owner = [(number, k) for number, law in enumerate(nominal.laws) for k in range(_length(law.outputs))]
         self._inputs = [self._graph.signal() for _ in diagram.inputs]
         self._slopes = [self._graph.signal() for _ in diagram.inputs]
+        self._heard = [self._graph.signal() for _ in self._assembly.delays]
+        self._heard_slopes = [self._graph.signal() for _ in self._assembly.delays]
         self._outputs = len(diagram.outputs)
         self._linear = [self._graph.signal() for _ in range(self._assembly.states)]
         if len(self._linear) + sum(len(law.states) for law in self._laws) > MOST_STATES:
@@ -115,11 +141,15 @@ class _Writer:
             beyond = law.outside(given)
             outside += [] if beyond is None else [beyond]
         outputs = [self._sum(row) for row in self._assembly.reads[: self._outputs]]
-        seeds = dict(zip([*states, *self._inputs], [*rates, *self._slopes], strict=True))
+        entering = [self._sum(row) for row in self._assembly.entering]
+        moving = [*states, *self._inputs, *self._heard]
+        seeds = dict(zip(moving, [*rates, *self._slopes, *self._heard_slopes], strict=True))
+        found = slopes(self._graph, [*outputs, *entering], {signal.node: slope for signal, slope in seeds.items()})
         return Equations(
             graph=self._graph, varied=self._varied, states=states, inputs=self._inputs, input_slopes=self._slopes,
-            start=start, rates=rates, outputs=outputs,
-            output_slopes=slopes(self._graph, outputs, {signal.node: slope for signal, slope in seeds.items()}),
+            start=start, rates=rates, outputs=outputs, output_slopes=found[: len(outputs)], heard=self._heard,
+            heard_slopes=self._heard_slopes, entering=entering, entering_slopes=found[len(outputs) :],
+            delays=tuple(float(length) for length in self._assembly.delays),
             outside=largest(outside) if outside else None, bounds=self._traced.bounds,
             pivots=tuple(self._assembly.pivots),
         )  # fmt: skip
@@ -136,15 +166,15 @@ class _Writer:
         return [self._sum(row) if want else None for row, want in zip(rows, wanted, strict=True)]
 
     def _sum(self, row: Row) -> Any:
-        """Return a row times states, inputs and the outputs of laws."""
+        """Return a row times states, inputs, the outputs of laws and delayed signals."""
         total: Any = 0.0
+        known = [*self._linear, *self._inputs]
         for column, factor in sorted(row.items()):
-            place = column - len(self._linear)
-            if place < 0:
-                signal = self._linear[column]
-            else:
-                own = place - len(self._inputs)
-                signal = self._inputs[place] if own < 0 else self._output(own)
+            own, heard = column - len(known), column - len(self._linear) - self._assembly.externals
+            if own < 0:
+                total = factor * known[column] + total
+                continue
+            signal = self._output(own) if heard < 0 else self._heard[heard]
             total = factor * signal + total
         return total
 

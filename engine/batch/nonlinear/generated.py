@@ -11,13 +11,14 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from llvmlite import binding, ir
 
 from engine.batch.kernels import functions
 from engine.batch.kernels.compiled import LANES
 from engine.batch.nonlinear.arithmetic import Code
+from engine.batch.nonlinear.lookback import Lookback
 from engine.batch.nonlinear.program import Program, Real, Whole
 
 _REMEMBERED: Final = 128
@@ -34,18 +35,27 @@ _SIGNATURE: Final = ctypes.CFUNCTYPE(
     ctypes.c_int64,
     ctypes.c_void_p,
     ctypes.c_int64,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_int64,
+    ctypes.c_int64,
 )
+
+
+Given: TypeAlias = tuple[Real, Lookback, Real]
+"""Inputs, what delayed signals are made of, and the past that holds it."""
 
 
 class Generated:
     """The code of a program: ``march`` is None until it is ready.
 
-    It takes registers, inputs, width and stride as `engine.batch.kernels.marching.march` does; what it writes down lies in a record
+    It takes registers, what drives them, width and stride as `engine.batch.kernels.marching.march` does; what it writes down lies in a record
     (read, samples, groups, LANES), which may be a part of a longer one: nothing has to be turned round afterwards.
     """
 
     def __init__(self, program: Program) -> None:
-        self.march: Callable[[Real, Real, float, int, Real], None] | None = None
+        self.march: Callable[[Real, Given, float, int, Real], None] | None = None
         self._program = program
         self._engine: Any = None
         self._thread = threading.Thread(target=self._generate, name="code generation")
@@ -61,11 +71,13 @@ class Generated:
         self._engine = _engine(str(module))
         run = _SIGNATURE(self._engine.get_function_address(_NAME))
 
-        def march(registers: Real, inputs: Real, width: float, stride: int, record: Real) -> None:
+        def march(registers: Real, pieces: Given, width: float, stride: int, record: Real) -> None:
+            inputs, back, past = pieces
             apart = record.strides[0] // (LANES * record.itemsize)
             run(
                 registers.ctypes.data, registers.shape[1], inputs.ctypes.data, len(inputs) // 3, width, stride,
-                record.ctypes.data, apart,
+                record.ctypes.data, apart, back.places.ctypes.data, back.shares.ctypes.data, past.ctypes.data, back.first,
+                past.shape[1],
             )  # fmt: skip
 
         self.march = march  # one assignment: others see the whole code or none
@@ -109,10 +121,15 @@ class _Writer:
     def __init__(self, module: Any, program: Program) -> None:
         self._program = program
         whole, pointer = _WHOLE, ir.DoubleType().as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, whole, pointer, whole, ir.DoubleType(), whole, pointer, whole])
-        function = ir.Function(module, kind, name=_NAME)
+        marched = [pointer, whole, pointer, whole, ir.DoubleType(), whole, pointer, whole]
+        function = ir.Function(
+            module,
+            ir.FunctionType(ir.VoidType(), [*marched, whole.as_pointer(), pointer, pointer, whole, whole]),
+            name=_NAME,
+        )
         (
             self._registers, self._count, self._inputs, self._steps, self._width, self._stride, self._record, self._apart,
+            self._places, self._shares, self._past, self._first, self._slots,
         ) = function.args  # fmt: skip
         self._at = {name: function.append_basic_block(name) for name in _BLOCKS}
         self._b = ir.IRBuilder(self._at["entry"])
@@ -124,7 +141,9 @@ class _Writer:
         once = range(program.first_once, program.first_once + program.once)
         self._once = {register: b.alloca(functions.DOUBLES) for register in once}
         self._vectors = b.bitcast(self._registers, functions.DOUBLES.as_pointer())
-        self._recorded = b.bitcast(self._record, functions.DOUBLES.as_pointer())
+        self._recorded, self._heard = (
+            b.bitcast(array, functions.DOUBLES.as_pointer()) for array in (self._record, self._past)
+        )
         half, third, sixth, full = (
             self._spread(b.fmul(self._width, ir.Constant(ir.DoubleType(), part))) for part in (1 / 2, 1 / 3, 1 / 6, 1.0)
         )
@@ -168,6 +187,9 @@ class _Writer:
         b, at = self._b, self._at
         read = [self._value(held, register) for register in self._program.read.tolist()]
         slopes = self._slopes(held)
+        for number, register in enumerate(self._program.entering.tolist()):
+            place = self._slot(number, b.add(self._first, step))
+            b.store(self._value(held, register), b.gep(self._heard, [place]), align=8)
         b.cbranch(b.icmp_signed("==", b.urem(step, self._stride), _whole(0)), at["note"], at["noted"])
         b.position_at_end(at["note"])
         sample = b.add(b.mul(b.udiv(step, self._stride), self._count), self._group)
@@ -186,10 +208,33 @@ class _Writer:
         for k in range(self._program.inputs):
             place = self._b.gep(self._inputs, [self._b.add(first, _whole(k))])
             held[self._program.states + k] = self._spread(self._b.load(place))
+        held.update(self._delayed(row))
         for code, a, b, c, to in tape.tolist():
             emit, count = _EMIT[Code(code)]
             held[to] = emit(self._b, *(self._value(held, register) for register in (a, b, c)[:count]))
         return held
+
+    def _delayed(self, row: Any) -> dict[int, Any]:
+        """Write the delayed signals and their slopes at a row; return them by their registers."""
+        b, count, found = self._b, len(self._program.entering) // 2, {}
+        for k in range(count):
+            entry = b.add(b.mul(row, _whole(count)), _whole(k))
+            slot = b.load(b.gep(self._places, [entry]))
+            places = [self._slot(number, b.add(slot, _whole(more))) for more in (0, 1) for number in (k, count + k)]
+            around = [b.load(b.gep(self._heard, [place]), align=8) for place in places]
+            for kind in (0, 1):
+                total = None
+                for number, value in enumerate(around):
+                    share = b.gep(self._shares, [b.add(b.mul(entry, _whole(8)), _whole(4 * kind + number))])
+                    part = self._spread(b.load(share))
+                    total = b.fmul(value, part) if total is None else functions.product_and_sum(b, value, part, total)
+                found[self._program.states + self._program.inputs + kind * count + k] = total
+        return found
+
+    def _slot(self, number: int, slot: Any) -> Any:
+        """Return the place of a slot among all that is looked back at."""
+        b = self._b
+        return b.add(b.mul(b.add(b.mul(_whole(number), self._slots), slot), self._count), self._group)
 
     def _value(self, held: dict[int, Any], register: int) -> Any:
         return held[register] if register in held else self._b.load(self._once[register])

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from engine.batch.kernels.compiled import LANES
 from engine.batch.kernels.marching import march
 from engine.batch.nonlinear.generated import Generated, generated
+from engine.batch.nonlinear.lookback import Lookback, apart, echoes, lookbacks
 from engine.batch.nonlinear.program import Compiled
 from engine.exact.nonlinear.bounds import LARGEST
 from engine.model.interruption import look
@@ -49,12 +50,15 @@ class Pieces:
         Steps from one sample to the next.
     inputs : list of ndarray, each (3 steps + 1, 2 inputs)
         Commands and their slopes at the beginning, in the middle and at the end of every step, and behind the last one.
+    lookbacks : list of Lookback
+        What delayed signals are made of, likewise.
     """
 
     edges: Real
     samples: npt.NDArray[np.int64]
     stride: int
     inputs: list[Real]
+    lookbacks: list[Lookback]
 
     @classmethod
     def of(
@@ -64,6 +68,7 @@ class Pieces:
         steps: int,
         doublings: int = 0,
         *,
+        delays: Sequence[float] = (),
         graded: bool = False,
         most: int = MOST_SAMPLES,
     ) -> Pieces:
@@ -78,31 +83,53 @@ class Pieces:
             At least so many steps altogether,
         doublings : int
             which are halved so often.
+        delays : sequence of float
+            s; steps end where breakpoints come out of them.
         graded : bool
             Whether steps are smaller behind every breakpoint, where what is fast moves: a limit may be reached in an instant.
         most : int
             About so many samples at most, but never fewer than ``steps``.
         """
-        breaks = {t for signal in signals if signal is not None for t in signal.breaks(end) if 0 < t < end}
-        edges = np.array([0.0, *sorted(breaks), end])
+        breaks = sorted({t for signal in signals if signal is not None for t in signal.breaks(end) if 0 < t < end})
+        inside = apart([*breaks, *echoes(breaks, delays, end)], end) if delays else breaks
+        edges = np.array([0.0, *inside, end])
         counts = np.maximum(np.ceil(steps * np.diff(edges) / end).astype(int), 1)
         if graded:
             edges, counts = _graded(edges, counts)
         fine = int(np.clip(np.floor(np.log2(most / counts.sum())), 0, doublings))
         samples, stride = counts << fine, 1 << (doublings - fine)
-        tables = []
+        tables, rows = [], []
         for first, last, count in zip(edges[:-1], edges[1:], samples * stride, strict=True):
             times = np.linspace(first, last, 2 * count + 1)
             margin = max(_INSIDE * (last - first) / count, 4 * np.spacing(last))
             times[0], times[-1] = first + margin, last - margin
             table = np.concatenate([_values(signals, times), _slopes(signals, times)], axis=1)
             tables.append(np.ascontiguousarray(table[_rows(count)]))
-        return cls(edges=edges, samples=samples, stride=stride, inputs=tables)
+            rows.append(times[_rows(count)])
+        past = list(lookbacks(edges, samples * stride, rows, delays))
+        return cls(edges=edges, samples=samples, stride=stride, inputs=tables, lookbacks=past)
 
     @property
     def words(self) -> int:
         """How many samples there are altogether."""
         return int((self.samples + 1).sum())
+
+    @classmethod
+    def moment(cls, inputs: int, delays: int) -> Pieces:
+        """Return the instant 0 alone, all inputs being 0."""
+        none = Lookback(places=np.zeros((1, delays), dtype=np.int64), shares=np.zeros((1, delays, 8)), first=0)
+        return cls(
+            edges=np.zeros(2),
+            samples=np.zeros(1, dtype=int),
+            stride=1,
+            inputs=[np.zeros((1, 2 * inputs))],
+            lookbacks=[none],
+        )
+
+    @property
+    def slots(self) -> int:
+        """How many instants there are to look back at."""
+        return int((self.samples * self.stride + 1).sum())
 
     @property
     def times(self) -> Real:
@@ -129,14 +156,15 @@ class Pieces:
 class Marched:
     """Curves of B candidates at the instants ``times`` (samples,).
 
-    ``values`` and ``slopes`` are (watched, samples, B), ``states`` (states, B) those at the end; ``covered`` (B,) tells that
-    no law was left and no state grew beyond what is followed.
+    ``values`` and ``slopes`` are (watched, samples, B), ``states`` (states, B) and delayed signals ``heard`` (m, B) those at the end;
+    ``covered`` (B,) tells that no law was left and no state grew beyond what is followed.
     """
 
     times: Real
     values: Real
     slopes: Real
     states: Real
+    heard: Real
     covered: npt.NDArray[np.bool_]
 
 
@@ -176,10 +204,12 @@ class Marcher:
         read = len(program.read)
         record = _aligned((read, pieces.words, groups, LANES))
         code = None if self._code is None else self._code.march
+        past = _aligned((len(program.entering), pieces.slots + 1, groups, LANES))
+        past[...] = 0.0
         following = 0
         with np.errstate(all="ignore"):
-            for length, count, inputs in zip(
-                np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, strict=True
+            for length, count, inputs, back in zip(
+                np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, pieces.lookbacks, strict=True
             ):
                 look()
                 own = record[:, following : following + count + 1]
@@ -188,18 +218,31 @@ class Marcher:
                 if code is None:
                     turned = _aligned((groups, count + 1, read, LANES))
                     march(
-                        program.whole, program.rates_only, program.rates, program.read, registers, inputs, width,
-                        pieces.stride, turned,
+                        program.whole, program.rates_only, program.rates, program.read, program.entering, registers, inputs,
+                        back.places, back.shares, past, back.first, width, pieces.stride, turned,
                     )  # fmt: skip
                     own[...] = turned.transpose(2, 1, 0, 3)
                 else:
-                    code(registers, inputs, width, pieces.stride, own)
+                    code(registers, (inputs, back, past), width, pieces.stride, own)
         whole = record.reshape(read, pieces.words, -1)[:, :, :batch]
         states = registers[: program.states].reshape(program.states, -1)[:, :batch]
         # a state that nobody looks at ends a response as well
         bounded = (np.abs(states) <= LARGEST).all(axis=0)
         covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0) & bounded
-        return Marched(times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2], states=states, covered=covered)
+        heard = _last(pieces.lookbacks[-1], past.reshape(len(past), pieces.slots + 1, groups * LANES)[:, :, :batch])
+        return Marched(
+            times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2], states=states, heard=heard, covered=covered
+        )
+
+
+def _last(back: Lookback, past: Real) -> Real:
+    """Return the delayed signals at the end of the last piece, (m, B), of ``past`` (2 m, slots, B)."""
+    count = len(past) // 2
+    found = [
+        np.einsum("kb,k->b", np.stack([part[place + more] for more in (0, 1) for part in (past[k], past[count + k])]), share)
+        for k, (place, share) in enumerate(zip(back.places[-1], back.shares[-1, :, :4], strict=True))
+    ]  # fmt: skip
+    return np.array(found).reshape(count, past.shape[2])
 
 
 def _rows(count: int) -> npt.NDArray[np.intp]:

@@ -1,7 +1,7 @@
 """Equations as programs: what is the same at all instants is computed once for a candidate, the rest is a tape.
 
 A row of a tape is (operation, three operands, result), all but the first being registers. Registers are the states, the inputs with
-their slopes, the numbers computed once, then temporaries, which are used again as soon as their last reader is done, so that
+their slopes, the delayed signals with theirs, the numbers computed once, then temporaries, which are used again as soon as their last reader is done, so that
 a tape works in the processor's nearest memory. Constants are numbers computed once: two diagrams of one structure have the same tape.
 """
 
@@ -39,6 +39,8 @@ class Program:
         Registers of x' after either of them.
     read : ndarray of int
         Registers of what is read off: y and y' of each output watched, and what tells that a law has been left.
+    entering : ndarray of int, shape (2 m,)
+        Registers of what goes into the m delays, and of the slopes of that.
     states, inputs, once, registers : int
         How many there are, inputs counted with their slopes, of what is computed once, of registers altogether.
     """
@@ -47,6 +49,7 @@ class Program:
     rates_only: Whole
     rates: Whole
     read: Whole
+    entering: Whole
     states: int
     inputs: int
     once: int
@@ -55,12 +58,12 @@ class Program:
     @property
     def first_once(self) -> int:
         """The first register of what is computed once."""
-        return self.states + self.inputs
+        return self.states + self.inputs + len(self.entering)
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
         """What two programs of the same structure have in common."""
-        arrays = (self.whole, self.rates_only, self.rates, self.read)
+        arrays = (self.whole, self.rates_only, self.rates, self.read, self.entering)
         return (*(array.tobytes() for array in arrays), self.states, self.inputs, self.once, self.registers)
 
 
@@ -80,20 +83,21 @@ class Compiled:
         slopes = equations.output_slopes
         read = [number for output in watched for number in (equations.outputs[output], slopes[output])]
         read.append(-1.0 if equations.outside is None else equations.outside)
-        states, inputs = len(equations.states), 2 * len(equations.inputs)
-        signals = [*equations.states, *equations.inputs, *equations.input_slopes]
-        register = {signal.node: k for k, signal in enumerate(signals)}
-        rates, reads = nodes_of(graph, equations.rates), nodes_of(graph, read)
+        states, inputs, heard = len(equations.states), 2 * len(equations.inputs), 2 * len(equations.heard)
+        register = {signal.node: k for k, signal in enumerate(equations.signals)}
+        rates, given = nodes_of(graph, equations.rates), len(equations.rates) + len(read)
+        reads = nodes_of(graph, [*read, *equations.entering, *equations.entering_slopes])
         once = [node for node in _leaves(equations, [*rates, *reads]) if node not in register]
-        register.update({node: states + inputs + k for k, node in enumerate(once)})
-        first = states + inputs + len(once)
+        first = states + inputs + heard + len(once)
+        register.update({node: first - len(once) + k for k, node in enumerate(once)})
         self._once = [graph.number(node) for node in once]
         # The rates come first in both tapes and end up in the same registers.
         rate_rows, rate_places, after = _tape(equations, rates, register, first)
         rows, places, last = _tape(equations, [*rates, *reads], register, first)
         self.program = Program(
-            whole=rows, rates_only=rate_rows, rates=np.array(places[: len(rates)]), read=np.array(places[len(rates) :]),
-            states=states, inputs=inputs, once=len(once), registers=max(after, last),
+            whole=rows, rates_only=rate_rows, rates=np.array(places[: len(rates)]),
+            read=np.array(places[len(rates) : given]), entering=np.array(places[given:], dtype=np.int64), states=states,
+            inputs=inputs, once=len(once), registers=max(after, last),
         )  # fmt: skip
         assert rate_places == places[: len(rates)]
 

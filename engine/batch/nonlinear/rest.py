@@ -45,30 +45,31 @@ class Rested:
 
 
 def reaching(equations: Equations, output: int) -> Flags:
-    """Return which states (states,) an output of the diagram follows, at once or by way of other states."""
+    """Return which states and delayed signals (unknowns,) an output of the diagram follows, at once or by way of others."""
     graph = equations.graph
-    rates = nodes_of(graph, equations.rates)
+    rates = nodes_of(graph, [*equations.rates, *equations.entering])
     found = np.zeros(len(rates), dtype=bool)
     seen: set[int] = set()
     pending = nodes_of(graph, [equations.outputs[output]])
     while pending:
         seen |= operands(graph, pending)
-        new = [k for k, state in enumerate(equations.states) if state.node in seen and not found[k]]
+        new = [k for k, state in enumerate(equations.unknowns) if state.node in seen and not found[k]]
         found[new] = True
         pending = [rates[k] for k in new]
     return found
 
 
-def moving(equations: Equations, points: Real, states: Real, inputs: Sequence[float], elapsed: float) -> Flags:
-    """Return which states (states, B) go on moving under constant inputs, by what they would in ``elapsed`` s."""
+def moving(equations: Equations, points: Real, unknowns: Real, inputs: Sequence[float], elapsed: float) -> Flags:
+    """Return which unknowns (unknowns, B) go on moving under constant inputs, by what they would in ``elapsed`` s; delayed signals by what is on its way."""
     graph = equations.graph
     values = np.zeros((sum(op is Op.PARAMETER for op, _, _ in graph.nodes), len(points)))
     values[: len(equations.varied)] = points.T
-    values[[graph.nodes[signal.node][1] for signal in equations.states]] = states
+    values[[graph.nodes[signal.node][1] for signal in equations.unknowns]] = unknowns
     values[[graph.nodes[signal.node][1] for signal in equations.inputs]] = np.asarray(inputs, dtype=float)[:, None]
     with np.errstate(all="ignore"):
-        rates = evaluated(graph, equations.rates, values)
-        return np.asarray(~(elapsed * np.abs(rates) <= _MOVES * np.abs(states) + _NOTHING))
+        moved = evaluated(graph, equations.drifts, values)
+        moved[: len(equations.rates)] *= elapsed
+        return np.asarray(~(np.abs(moved) <= _MOVES * np.abs(unknowns) + _NOTHING))
 
 
 class Rest:
@@ -85,33 +86,33 @@ class Rest:
         self._graph = equations.graph
         self._varied = len(equations.varied)
         self._place = {
-            "states": [self._graph.nodes[signal.node][1] for signal in equations.states],
+            "unknowns": [self._graph.nodes[signal.node][1] for signal in equations.unknowns],
             "inputs": [self._graph.nodes[signal.node][1] for signal in equations.inputs],
         }
         self._parameters = sum(op is Op.PARAMETER for op, _, _ in self._graph.nodes)
-        signals = [*equations.states, *equations.inputs, *equations.input_slopes]
         self._outputs = [equations.outputs[output] for output in watched]
         self._outside = -1.0 if equations.outside is None else equations.outside
+        drifts = equations.drifts
         with np.errstate(all="ignore"):
             columns = [
-                slopes(self._graph, equations.rates, {s.node: float(s is state) for s in signals})
-                for state in equations.states
+                slopes(self._graph, drifts, {s.node: float(s is unknown) for s in equations.signals})
+                for unknown in equations.unknowns
             ]
-        self._wanted: list[Any] = [*equations.rates, *(entry for column in columns for entry in column)]
+        self._wanted: list[Any] = [*drifts, *(entry for column in columns for entry in column)]
 
-    def __call__(self, points: Real, states: Real, inputs: Sequence[float]) -> Rested:
-        """Return the rest near ``states`` (states, B) of candidates ``points`` (B, varied)."""
-        n, batch = states.shape
+    def __call__(self, points: Real, unknowns: Real, inputs: Sequence[float]) -> Rested:
+        """Return the rest near ``unknowns`` (unknowns, B) of candidates ``points`` (B, varied)."""
+        n, batch = unknowns.shape
         values = np.zeros((self._parameters, batch))
         values[: self._varied] = points.T
         values[self._place["inputs"]] = np.asarray(inputs, dtype=float)[:, None]
-        x = states.copy()
-        open_: Flags = np.asarray(np.isfinite(states).all(axis=0))
+        x = unknowns.copy()
+        open_: Flags = np.asarray(np.isfinite(unknowns).all(axis=0))
         found, single = np.zeros(batch, dtype=bool), np.zeros(batch, dtype=bool)
         scale = np.ones(n)
         with np.errstate(all="ignore"):
             for iteration in range(_ITERATIONS):
-                values[self._place["states"]] = x
+                values[self._place["unknowns"]] = x
                 both = evaluated(self._graph, self._wanted, values)
                 f, slope = both[:n].T, both[n:].reshape(n, n, batch).transpose(2, 1, 0)
                 open_ = np.asarray(open_ & np.isfinite(f).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
@@ -135,7 +136,7 @@ class Rest:
                 found |= done
                 single = np.where(done, s[:, -1] > _SINGULAR * s[:, 0], single)
                 open_ = np.asarray(open_ & ~done)
-            values[self._place["states"]] = x
+            values[self._place["unknowns"]] = x
             outputs = evaluated(self._graph, [*self._outputs, self._outside], values)
         found &= outputs[-1] <= 0
         return Rested(outputs=np.where(found, outputs[:-1], np.nan), single=np.asarray(single & found))

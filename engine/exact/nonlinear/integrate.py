@@ -79,6 +79,8 @@ class Integration:
         Begin here in place of the initial state.
     modes : sequence of int, optional
         Begin with these, which the guards then correct; chosen by the laws where absent.
+    past : ndarray, shape (lanes, m), optional
+        What comes out of the delays that went in before the beginning; 0 where absent.
     clock : callable, optional
         Seconds; with ``limit`` (s) it bounds the time spent.
     tolerance : float, optional
@@ -92,13 +94,14 @@ class Integration:
         constants: Real | None = None,
         state: Array | None = None,
         modes: Sequence[Mode] | None = None,
+        past: Array | None = None,
         clock: Callable[[], float] | None = None,
         limit: float = math.inf,
         tolerance: float = TOLERANCE,
     ) -> None:
         self.system = system
         self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
-        self.record = Record(edges=[self._board.t])
+        self.record = Record(edges=[self._board.t], before=past)
         self._driving = Driving(system, signals, constants, self.record)
         self._stepper = Stepper(system, self.record, tolerance)
         self._bounds = Bounds(clock, limit)

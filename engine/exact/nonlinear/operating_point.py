@@ -34,9 +34,10 @@ _STILL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OperatingPoint:
-    """A state ``x`` (lanes, n) with its modes, channels and outputs; ``rests`` is False where none was found."""
+    """A state ``x`` (lanes, n) with its delayed signals ``w``, modes, channels and outputs; ``rests`` is False where none was found."""
 
     x: Array
+    w: Array
     modes: tuple[Mode, ...]
     inputs: Array
     e: Array
@@ -93,12 +94,21 @@ def operating_point(
 
 
 def modes_at(real: NonlinearSystem, x: Real, inputs: Real, before: tuple[Mode, ...] | None = None) -> tuple[Mode, ...]:
-    """Return the modes that fit a state (n,), coming from the modes ``before``."""
-    run = Integration(real, {}, constants=inputs, state=x[None], modes=before)
-    try:
-        return run.rest()
-    except StoppedError:
-        return before or tuple(0 for _ in real.laws)
+    """Return the modes that fit a state (n,) that has been so for ever, coming from the modes ``before``."""
+    modes = before
+    for _ in range(_ITERATIONS if real.delays.shape[-1] else 1):
+        past = None
+        with contextlib.suppress(EngineError):  # then as if nothing had gone into the delays
+            past = None if modes is None else _still(real, x[None], inputs, modes).w[:, 0]
+        run = Integration(real, {}, constants=inputs, state=x[None], modes=before, past=past)
+        try:
+            found = run.rest()
+        except StoppedError:
+            return before or tuple(0 for _ in real.laws)
+        if found == modes:
+            break
+        modes = found
+    return modes or ()
 
 
 def _still(system: NonlinearSystem, x: Array, inputs: Real, modes: tuple[Mode, ...]) -> Instants:
@@ -192,4 +202,6 @@ def _complete(
     at = _still(system, lanes, inputs, modes)
     flow = system.flow(at)
     y, _ = system.read(at, flow.v)
-    return OperatingPoint(x=lanes, modes=modes, inputs=inputs, e=flow.e[:, 0], v=flow.v[:, 0], y=y[:, 0], rests=rests)
+    return OperatingPoint(
+        x=lanes, w=at.w[:, 0], modes=modes, inputs=inputs, e=flow.e[:, 0], v=flow.v[:, 0], y=y[:, 0], rests=rests
+    )

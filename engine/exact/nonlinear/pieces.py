@@ -110,6 +110,8 @@ class Record:
     times: list[float] = field(default_factory=list)
     largest: Real = field(default_factory=lambda: np.zeros(1))
     """How large each delayed signal has been, (m,)."""
+    before: Array | None = None
+    """What comes out of the delays that went in before the beginning, (lanes, m); None: 0."""
 
     def append(self, end: Array, y: Array, u: Array, z: Array) -> None:
         """Add a piece that ends at ``end`` (lanes,); arrays (lanes, 17, ·)."""
@@ -141,7 +143,7 @@ class Record:
         return Curve(edges=np.array(self.edges), values=np.array([piece[:, :, index] for piece in values]))
 
     def delayed(self, times: Array, delays: Array, *, later: bool | npt.NDArray[np.bool_]) -> Array:
-        """Return the delayed signals w(t) = z(t - delay), (lanes, N, m); 0 before the beginning.
+        """Return the delayed signals w(t) = z(t - delay), (lanes, N, m).
 
         Parameters
         ----------
@@ -155,6 +157,8 @@ class Record:
         lanes = len(self.edges[0]) if whole else 1
         m = delays.shape[-1]
         out = np.zeros((lanes, times.shape[1], m), dtype=complex if whole else float)
+        if self.before is not None:
+            out[...] = self.before[:, None] if whole else self.before[:1, None].real
         if not m or not self.times:
             return out
         lags = delays if whole else delays[:1].real

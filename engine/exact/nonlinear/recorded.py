@@ -82,10 +82,12 @@ def simulate_recorded(
         for name, row, way in zip(system.inputs, inputs, ways, strict=True)
         if np.any(row)
     }
-    state, modes = (point.x, point.modes) if point.rests else (None, None)
+    state, modes, past = (point.x, point.modes, point.w) if point.rests else (None, None, None)
     if deviation is not None:
         state, modes = (system.start if state is None else state) + deviation, None
-    run = Integration(system, given, tolerance=TOLERANCE, clock=clock, limit=wall_limit, state=state, modes=modes)
+    run = Integration(
+        system, given, tolerance=TOLERANCE, clock=clock, limit=wall_limit, state=state, modes=modes, past=past
+    )
     # the last sample of what a held input or a sampler moves at once lies behind its last jump
     jumps = BetweenSamples.HOLD in ways or any(law.element.period(law.values) is not None for law in system.laws)
     outcome = run.advance(float(instants[-1]) + (sample_time / 2 if jumps else 0.0))

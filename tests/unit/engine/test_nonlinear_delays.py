@@ -10,6 +10,7 @@ from engine.analysis.influence import Method, influence
 from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import simulate
 from engine.diagram.diagram import compile_system
+from engine.exact.nonlinear.recorded import simulate_recorded
 from engine.model.verdicts import Verdict
 from engine.signals import make
 from tests.unit.engine.diagrams import block, document
@@ -176,3 +177,39 @@ def test_a_limit_that_is_never_reached_changes_nothing(command):
     for (known, exact), (found, slopes) in zip(free, limited, strict=True):
         assert found.value == pytest.approx(known.value, rel=1e-10)
         np.testing.assert_allclose(slopes.values, exact.values, rtol=1e-7, atol=1e-9 * np.abs(exact.values).max())
+
+
+def test_a_state_of_rest_has_its_delayed_signals():
+    """e = r - y(t - τ) comes to rest inside a dead zone, wherever it happens to: at its end, not where a dead zone begins."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=0.28),
+             "c": block("transfer_function", numerator=[0.1 * 7.8, 7.8], denominator=[0.01, 1.0]),
+             "zone": block("dead_zone", lower=-0.005, upper=0.01),
+             "x": block("transfer_function", numerator=[2.1], denominator=[1.0, 4.3, 0.0])},
+            ["r -> e.in1", "late -> e.in2", "e -> c", "c -> zone", "zone -> x", "x -> late"],
+            {"y": "x", "v": "zone"},
+        )
+    )  # fmt: skip
+    signals = {"r": make("step", {"amplitude": 1.16})}
+    found, later = (Evaluation(made).simulated(signals, duration) for duration in (None, 100.0))
+    (end,) = later.output("y").sample(np.array([100.0]))
+    assert found.finals["y"] == pytest.approx([end], rel=1e-6)
+    assert found.finals["v"] == pytest.approx([0.0], abs=1e-12)
+
+
+def test_a_recording_that_begins_at_rest_goes_on_there():
+    """What went into the delays before the first sample is what goes in at rest: 2 s of y = 3/4 r, not a transient."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=0.3),
+             "s": block("saturation", lower=-2.0, upper=2.0), "y": block("transfer_function", numerator=[3.0], denominator=[0.5, 1.0])},
+            ["r -> e.in1", "late -> e.in2", "e -> s", "s -> y", "y -> late"],
+            {"y": "y"},
+        )
+    )  # fmt: skip
+    values, tangents = simulate_recorded(
+        made.laws(None, {"s.upper": 1e-30, "late.time": 1e-30}), np.full((1, 21), 1.6), 0.1
+    )
+    np.testing.assert_allclose(values, 1.2, rtol=1e-12)
+    np.testing.assert_allclose(tangents, 0.0, atol=1e-10)

@@ -121,13 +121,13 @@ def test_every_nonlinear_element_is_either_recorded_or_refused():
     assert set(RECORDED) | set(REFUSED) == set(NONLINEAR)
 
 
-def test_delays_and_loops_through_laws_are_refused():
+def test_delays_that_vary_and_loops_through_laws_are_refused():
     blocks = {
         "r": Block(kind="input", values={}), "sum": Block(kind="sum", values={"signs": "+-"}),
         "limit": Block(kind="saturation", values={}), "wait": Block(kind="delay", values={"time": 0.1}),
     }  # fmt: skip
     wires = [("r", "sum.in1"), ("sum", "limit"), ("limit", "wait"), ("wait", "sum.in2")]
-    for at_once, reason in ((False, "delays"), (True, "an algebraic loop through it")):
+    for at_once, reason in ((False, "a delay that varies"), (True, "an algebraic loop through it")):
         blocks["wait"] = Block(kind="gain", values={"gain": 0.5}) if at_once else blocks["wait"]
         diagram = compile_system(
             System(
@@ -136,7 +136,8 @@ def test_delays_and_loops_through_laws_are_refused():
             )
         )  # fmt: skip
         with pytest.raises(UnsuitableError, match=reason):
-            Equations.of(diagram, ())
+            Equations.of(diagram, () if at_once else ("wait.time",))
+        assert at_once or Equations.of(diagram, ()).delays == (0.1,)
 
 
 def test_a_decision_by_the_value_of_a_signal_is_refused():
