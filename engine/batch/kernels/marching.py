@@ -151,7 +151,8 @@ def march(
                     c, d = load2(values, slot + 1, j), load2(slopes, slot + 1, j)
                     for kind in range(2):
                         share = shares[row, i, 4 * kind : 4 * kind + 4]
-                        heard = a * share[0] + b * share[1] + c * share[2] + d * share[3]
+                        heard = multiply_add(b, spread(share[1]), a * share[0])
+                        heard = multiply_add(d, spread(share[3]), multiply_add(c, spread(share[2]), heard))
                         store2(registers, heard, states + given + kind * delayed + i, j)
             if stage == 0:
                 interpret(whole, registers)

@@ -19,7 +19,9 @@ from engine.batch.nonlinear.march import Marcher, Pieces, by_input
 from engine.batch.nonlinear.program import Compiled
 from engine.batch.nonlinear.signals import SignalGraph, choose, largest, least
 from engine.batch.nonlinear.slopes import slopes
+from engine.diagram.diagram import compile_system
 from engine.signals import make
+from tests.unit.engine.diagrams import block, document
 
 STEP = {"reference": make("step", {"amplitude": nonlinear_loop.STEP})}
 
@@ -73,6 +75,37 @@ def test_generated_code_repeats_the_interpreted_tapes_bit_for_bit(loop):
     assert np.array_equal(interpreted.slopes, generated.slopes)
     assert interpreted.covered.all()
     assert generated.covered.all()
+
+
+@pytest.fixture(scope="module")
+def late() -> Compiled:
+    """A limited PI loop with two delays, one of them past a law straight into the other."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("pi", kp="=kp", ki=2.0), "d": block("delay", time=0.03),
+        "s": block("saturation", lower=-2.0, upper=2.0), "f": block("delay", time=0.05),
+        "x": block("transfer_function", numerator=[3.0], denominator=[0.2, 1.0]),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "x -> e.in2", "e -> c", "c -> d", "d -> s", "s -> f", "f -> x"]
+    return Compiled(Equations.of(compile_system(document(blocks, wires, {"y": "x", "u": "s"}, kp=1.0)), ["kp"]), [0, 1])
+
+
+def test_delayed_signals_are_the_same_in_tapes_and_code_and_beside_any_neighbours(late):
+    start, once, *_ = late.start(np.linspace(0.5, 3.0, 20)[:, None])
+    signals = by_input(("r",), {"r": make("step", {"start": 0.1})})
+    pieces = Pieces.of(signals, 2.0, 500, 1, delays=(0.03, 0.05), graded=True)
+    assert {0.13, 0.15, 0.18} <= set(np.round(pieces.edges, 12))
+    interpreted = Marcher(late, generate=False)(start, once, pieces)
+    generated = Marcher(late).prepared()(start, once, pieces)
+    alone = Marcher(late).prepared()(start[:, 7:8], once[:, 7:8], pieces)
+    for name in ("values", "slopes", "states", "heard"):
+        assert np.array_equal(getattr(interpreted, name), getattr(generated, name)), name
+        assert np.array_equal(getattr(alone, name)[..., 0], getattr(generated, name)[..., 7]), name
+    first, second = generated.values[0], generated.values[1]
+    assert np.all(first[generated.times < 0.18] == 0.0)
+    assert np.all(second[generated.times < 0.13] == 0.0)
+    # what comes out is what went in: 50 ms before the end out of the second delay, that is the law's output then
+    (place,) = np.flatnonzero(np.isclose(generated.times, 2.0 - 0.05, atol=1e-3))[:1]
+    np.testing.assert_allclose(generated.heard[1], second[place], atol=2e-2)
 
 
 def test_a_candidate_does_not_depend_on_its_neighbours(loop):
