@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 import engine.elements
+from engine.analysis.measuring import MetricRequest, measure
 from engine.batch.nonlinear.arithmetic import evaluated
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.signals import SignalGraph
+from engine.batch.screening import Screening
 from engine.diagram.diagram import Block, Connection, Diagram, System, compile_system
 from engine.elements._nonlinear import Moment, NonlinearElement
 from engine.model.traced import UnsuitableError
+from engine.signals import make
+from tests.unit.engine.diagrams import block, document
 
 NONLINEAR = {
     kind: element for kind, element in engine.elements.catalogue().items() if issubclass(element, NonlinearElement)
@@ -138,6 +142,21 @@ def test_delays_that_vary_and_loops_through_laws_are_refused():
         with pytest.raises(UnsuitableError, match=reason):
             Equations.of(diagram, () if at_once else ("wait.time",))
         assert at_once or Equations.of(diagram, ()).delays == (0.1,)
+
+
+def test_a_diagram_without_states_is_left_to_the_exact_path():
+    blocks = {
+        "r": block("input"), "g": block("gain", gain="=k"), "s": block("saturation", lower=-1.0, upper=1.0),
+        "d": block("delay", time=0.1),
+    }  # fmt: skip
+    for wires in (["r -> g", "g -> s"], ["r -> g", "g -> s", "s -> d"]):
+        diagram = compile_system(document(blocks, wires, {"y": wires[-1].split()[-1]}, k=1.0))
+        with pytest.raises(UnsuitableError, match="no states"):
+            Equations.of(diagram, ("k",))
+        asked = [MetricRequest(metric="peak", signals={"r": make("step", {})}, output="y", duration=1.0)]
+        found = Screening(diagram, asked)({"k": np.array([0.5, 3.0])})
+        assert found.doubtful.all()
+        assert [measure(diagram, asked, overrides={"k": k})[0][0].value for k in (0.5, 3.0)] == [0.5, 1.0]
 
 
 def test_a_decision_by_the_value_of_a_signal_is_refused():
