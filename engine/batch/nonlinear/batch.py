@@ -101,7 +101,7 @@ class NonlinearBatch:
     Raises
     ------
     UnsuitableError
-        If the diagram has delays that vary, or a law that is no formula of the instant; or if it answers none of the requests.
+        If the diagram has delays that vary or no states, or a law that is no formula of the instant; or if it answers none of the requests.
     """
 
     def __init__(
@@ -116,6 +116,8 @@ class NonlinearBatch:
             raise UnsuitableError("no metric of a response in time")
         self._outputs = list(dict.fromkeys(diagram.outputs.index(str(self.requests[k].output)) for k in sorted(asked)))
         self._equations = Equations.of(diagram, varied)
+        if not self._equations.states:
+            raise UnsuitableError("no states")
         self._reaching = {output: reaching(self._equations, output) for output in self._outputs}
         self._compiled = Compiled(self._equations, self._outputs)
         self.marcher = Marcher(self._compiled, generate=generate)

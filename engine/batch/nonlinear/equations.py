@@ -93,7 +93,7 @@ class Equations:
         Raises
         ------
         UnsuitableError
-            If the diagram has delays that vary, no states or too many, a law that is no formula, or an algebraic loop through laws.
+            If the diagram has delays that vary or too many states, a law that is no formula, or an algebraic loop through laws.
         """
         with np.errstate(all="ignore"):  # formulas are written with all signals at 0, where they may have no value
             return _Writer(diagram, varied).equations()
@@ -122,8 +122,8 @@ class _Writer:
         self._heard_slopes = [self._graph.signal() for _ in self._assembly.delays]
         self._outputs = len(diagram.outputs)
         self._linear = [self._graph.signal() for _ in range(self._assembly.states)]
-        if not 0 < len(self._linear) + sum(len(law.states) for law in self._laws) <= MOST_STATES:
-            raise UnsuitableError(f"no states, or more than {MOST_STATES}")
+        if len(self._linear) + sum(len(law.states) for law in self._laws) > MOST_STATES:
+            raise UnsuitableError(f"more than {MOST_STATES} states")
         self._channels: list[Any] = [None] * len(self._owner)
         self._pending: set[int] = set()
 

@@ -10,6 +10,7 @@ import pytest
 import engine.elements
 from engine.analysis.measuring import MetricRequest, measure
 from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.signals import SignalGraph
 from engine.batch.screening import Screening
@@ -151,9 +152,9 @@ def test_a_diagram_without_states_is_left_to_the_exact_path():
     }  # fmt: skip
     for wires in (["r -> g", "g -> s"], ["r -> g", "g -> s", "s -> d"]):
         diagram = compile_system(document(blocks, wires, {"y": wires[-1].split()[-1]}, k=1.0))
-        with pytest.raises(UnsuitableError, match="no states"):
-            Equations.of(diagram, ("k",))
         asked = [MetricRequest(metric="peak", signals={"r": make("step", {})}, output="y", duration=1.0)]
+        with pytest.raises(UnsuitableError, match="no states"):
+            NonlinearBatch(diagram, ("k",), asked)
         found = Screening(diagram, asked)({"k": np.array([0.5, 3.0])})
         assert found.doubtful.all()
         assert [measure(diagram, asked, overrides={"k": k})[0][0].value for k in (0.5, 3.0)] == [0.5, 1.0]
