@@ -124,7 +124,7 @@ fuzz: setup  ## random requests made from the contract on both databases, and fi
 bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
 	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench $(if $(MARKDOWN),--markdown)
 
-bench-coverage: setup  ## what a candidate costs for every metric under every command, beside python-control (minutes)
+bench-coverage: setup  ## what a candidate costs for every metric under every command, and with every law, beside python-control and scipy (minutes)
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -W ignore -m bench.coverage
 
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)

@@ -1,4 +1,4 @@
-"""`make bench-coverage`: what a candidate costs for every metric under every command, found by discovery.
+"""`make bench-coverage`: what a candidate costs for every metric under every command, and with every law, found by discovery.
 
 A position loop with a PID controller, without and with a delay, three gains varied, batches of a thousand; beside it python-control builds
 the loop, a delay as Padé's quotient, and simulates 1,500 samples. A cell is CPU microseconds a candidate, what falls back to the exact path included; `!` marks one that a fast
@@ -126,9 +126,9 @@ def cell(system: Diagram, command: str, request: MetricRequest) -> Cell:
     """Measure one cell."""
     screening = Screening(system, [request], threads=1)
     exists = bool(np.isfinite(screening(candidates(FEW)).values).any()) or _exists(system, request)
-    seconds, unknown = _timed(system, screening, request, FEW) if exists else (0.0, 0)
+    seconds, unknown = timed(system, screening, [request], candidates(FEW)) if exists else (0.0, 0)
     if exists and seconds < SLOW:
-        seconds, unknown = _timed(system, screening, request, MANY)
+        seconds, unknown = timed(system, screening, [request], candidates(MANY))
     return Cell(
         metric=request.metric,
         command=command,
@@ -139,17 +139,19 @@ def cell(system: Diagram, command: str, request: MetricRequest) -> Cell:
     )
 
 
-def _timed(system: Diagram, screening: Screening, request: MetricRequest, count: int) -> tuple[float, int]:
-    """Return seconds a candidate and how many of them went to the exact path."""
-    points = candidates(count)
+def timed(
+    system: Diagram, screening: Screening, requests: list[MetricRequest], points: dict[str, Real]
+) -> tuple[float, int]:
+    """Return seconds a candidate, and how many of them went to the exact path."""
+    count = len(next(iter(points.values())))
     begin = time.process_time()
     found = screening(points)
     seconds = time.process_time() - begin
-    unknown = np.flatnonzero(found.doubtful[:, 0] & np.isnan(found.values[:, 0]) & ~(found.growth >= 0))
+    unknown = np.flatnonzero((found.doubtful & np.isnan(found.values)).any(axis=1) & ~(found.growth >= 0))
     times = []
     for k in unknown[:EXACTLY]:
         begin = time.process_time()
-        measure(system, [request], overrides={name: float(column[k]) for name, column in points.items()})
+        measure(system, requests, overrides={name: float(column[k]) for name, column in points.items()})
         times.append(time.process_time() - begin)
     return (seconds + len(unknown) * (median(times) if times else 0.0)) / count, len(unknown)
 
@@ -180,9 +182,12 @@ def python_control(delay: float = 0.0) -> float:
 
 
 def main() -> None:
-    """Measure, and print a table for each loop."""
+    """Measure, and print a table for each loop, and one of the elements."""
+    from bench import coverage_laws  # noqa: PLC0415 - it uses this one
+
     for delay in (0.0, DELAY):
         _show(f"{1e3 * delay:g} ms of delay" if delay else "no delay", diagram(delay), python_control(delay))
+    coverage_laws.main()
 
 
 def _show(title: str, system: Diagram, peer: float) -> None:
