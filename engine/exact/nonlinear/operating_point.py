@@ -98,7 +98,8 @@ def modes_at(real: NonlinearSystem, x: Real, inputs: Real, before: tuple[Mode, .
     modes = before
     for _ in range(_ITERATIONS if real.delays.shape[-1] else 1):
         past = None
-        with contextlib.suppress(EngineError):  # then as if nothing had gone into the delays
+        # else as if nothing had gone into the delays
+        with contextlib.suppress(EngineError), np.errstate(all="ignore"), numerical("what lies in the delays"):
             past = None if modes is None else _still(real, x[None], inputs, modes).w[:, 0]
         run = Integration(real, {}, constants=inputs, state=x[None], modes=before, past=past)
         try:
