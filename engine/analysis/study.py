@@ -48,7 +48,7 @@ Real = npt.NDArray[np.float64]
 
 _ROUGH = 1e-9
 """A curve that is known to no better than this part of its largest value is spoken of."""
-_ELSEWHERE = 2.0
+_ELSEWHERE = 8.0
 """Times what rounding leaves at rest, where it is seen: while a system moves it may leave more, by the processor's arithmetic."""
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.lookback import nowhere
 from engine.batch.nonlinear.march import Marcher, Pieces
 from engine.batch.nonlinear.program import Compiled
 from engine.exact.nonlinear.operating_point import operating_point
@@ -63,7 +64,7 @@ class Structure:
     Raises
     ------
     UnsuitableError
-        If the diagram has a law that is no formula of the instant.
+        If the diagram has delays, or a law that is no formula of the instant.
     """
 
     def __init__(
@@ -74,6 +75,8 @@ class Structure:
         self.unknowns = tuple(unknowns)
         self.varied = (*(unknown.parameter for unknown in unknowns), *known)
         self.equations = Equations.of(diagram, self.varied)
+        if self.equations.delays:
+            raise UnsuitableError("delays")
         nominal = diagram.laws().start[0].real
         self.compiled: dict[tuple[str, ...], tuple[Compiled, Marcher]] = {}
         if len(nominal) != len(self.equations.states):
@@ -191,9 +194,10 @@ class MarchedModel:
         for begin in range(0, self._samples - 1, width):
             self._clock()
             count = min(width, self._samples - 1 - begin)
+            table = self._table(begin, begin + count, stride)
             piece = Pieces(
-                edges=self._h * np.array([0.0, count]), samples=np.array([count]), stride=stride,
-                inputs=[self._table(begin, begin + count, stride)],
+                edges=self._h * np.array([0.0, count]), samples=np.array([count]), stride=stride, inputs=[table],
+                lookbacks=[nowhere(len(table))],
             )  # fmt: skip
             marched = self._marcher(states, batch.once, piece)
             # a law that has left what its formula covers is no response, however finite it looks

@@ -66,8 +66,8 @@ def truth(roll_off):
     return max(error), simpson(np.square(error), dx=step)
 
 
-@pytest.mark.parametrize("roll_off", [2e3, 1e4, 1e5])
-def test_the_error_that_feed_forward_leaves(roll_off):
+@pytest.mark.parametrize(("roll_off", "least"), [(2e3, 1e-10), (1e4, 1e-10), (1e5, 3e-10)])
+def test_the_error_that_feed_forward_leaves(roll_off, least):
     """It is known to what rounding leaves of the position, and the reply says how well that is."""
     found = simulate(drive(roll_off), signals={"r": make("s_curve", MOVE)})
     peak, square = truth(roll_off)
@@ -75,7 +75,7 @@ def test_the_error_that_feed_forward_leaves(roll_off):
     (remark,) = [remark for remark in found.warnings if remark.at == ("outputs", "e")]
     known = float(re.search(r"leaves (\S+) of its largest", remark.detail).group(1))
     assert 1e-9 < known < 1e-3
-    assert known * peak < 1e-10
+    assert known * peak < least  # at the fastest roll-off it was 4e-11 on one processor and 1.3e-10 on another
     top = found.metrics["e"]["peak"]
     assert top.verdict is Verdict.OK
     assert top.value == pytest.approx(peak, rel=known + 1e-7, abs=0)

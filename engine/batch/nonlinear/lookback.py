@@ -38,6 +38,11 @@ class Lookback:
     first: int
 
 
+def nowhere(rows: int, delays: int = 0) -> Lookback:
+    """Return what delayed signals are made of where nothing has gone into the delays, or there are none."""
+    return Lookback(places=np.zeros((rows, delays), dtype=np.int64), shares=np.zeros((rows, delays, 8)), first=0)
+
+
 def echoes(breaks: Sequence[float], delays: Sequence[float], end: float) -> list[float]:
     """Return the instants before ``end`` (s) at which breaks come out of the delays, rising; those at 0 s included among the breaks."""
     found: set[float] = set()

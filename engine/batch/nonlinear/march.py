@@ -16,7 +16,7 @@ import numpy.typing as npt
 from engine.batch.kernels.compiled import LANES
 from engine.batch.kernels.marching import march
 from engine.batch.nonlinear.generated import Generated, generated
-from engine.batch.nonlinear.lookback import Lookback, apart, echoes, lookbacks
+from engine.batch.nonlinear.lookback import Lookback, apart, echoes, lookbacks, nowhere
 from engine.batch.nonlinear.program import Compiled
 from engine.exact.nonlinear.bounds import LARGEST
 from engine.model.interruption import look
@@ -117,13 +117,12 @@ class Pieces:
     @classmethod
     def moment(cls, inputs: int, delays: int) -> Pieces:
         """Return the instant 0 alone, all inputs being 0."""
-        none = Lookback(places=np.zeros((1, delays), dtype=np.int64), shares=np.zeros((1, delays, 8)), first=0)
         return cls(
             edges=np.zeros(2),
             samples=np.zeros(1, dtype=int),
             stride=1,
             inputs=[np.zeros((1, 2 * inputs))],
-            lookbacks=[none],
+            lookbacks=[nowhere(1, delays)],
         )
 
     @property
