@@ -34,6 +34,7 @@ from engine.exact.nonlinear.pieces import Command, Record
 from engine.exact.nonlinear.steps import Step, Stepper
 from engine.exact.nonlinear.switching import StoppedError, Switchboard
 from engine.exact.nonlinear.undecided import Undecided
+from engine.exact.nonlinear.ways import Ways
 from engine.exact.nonlinear.windows import Chain
 from engine.exact.nonlinear.windows import solve as solve_chain
 from engine.exact.time.chebyshev import NODES, differentiation_matrix, tail
@@ -108,7 +109,7 @@ class Integration:
         self._undecided = Undecided(system.value)
         self.smooth = not any(law.element.jumps(law.values) for law in system.laws)
         self.error = 0.0
-        self._agenda = Agenda()
+        self._agenda, self._ways = Agenda(), Ways(system)
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
         self._chain, self._pause = _FEWEST, 0
@@ -225,7 +226,9 @@ class Integration:
             self.smooth = self.smooth and meeting.smooth
         generation = min((stop.generation if stop.law is None else 0 for stop in due), default=0)
         jumps = self._board.switches > 0 or self.record.jumps(self._board.t, self.system.delays)
-        self._echo(0 if jumps else generation)
+        self._echo(
+            0 if jumps else generation, self._onward(due) if self.record.y and not self._board.switches else None
+        )
 
     def _sample_again(self, number: int) -> None:
         """Note when a law updates its output from the last sample that it has taken, and when it takes the next."""
@@ -243,10 +246,21 @@ class Integration:
         law = self.system.laws[number]
         return float(np.ravel(np.asarray(law.element.period(law.values)))[0].real)
 
-    def _echo(self, generation: int) -> None:
-        """Note that what changes now comes back through every delay."""
+    def _onward(self, due: Sequence[Stop]) -> npt.NDArray[np.bool_]:
+        """Return into which delays goes on what is due, (m,)."""
+        ways = self._ways
+        found = np.zeros(self.system.delays.shape[-1], dtype=bool)
+        for stop in due:
+            if stop.law is not None:
+                found |= ways.from_laws[stop.law]
+            else:
+                found |= ways.from_commands if stop.delay is None else ways.from_delays[stop.delay]
+        return found
+
+    def _echo(self, generation: int, onward: npt.NDArray[np.bool_] | None = None) -> None:
+        """Note that what changes now comes back through every delay, or those that it goes ``onward`` into."""
         if generation < SMOOTH:
-            for i in range(self.system.delays.shape[-1]):
+            for i in range(self.system.delays.shape[-1]) if onward is None else np.flatnonzero(onward).tolist():
                 self._note(self._board.t + self.system.delays[:, i], generation=generation + 1, delay=i)
 
     def _around(self, t: Array) -> tuple[Array, Array, Array]:

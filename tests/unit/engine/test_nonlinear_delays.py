@@ -11,6 +11,7 @@ from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import simulate
 from engine.diagram.diagram import compile_system
 from engine.exact.nonlinear.recorded import simulate_recorded
+from engine.exact.nonlinear.ways import Ways
 from engine.model.verdicts import Verdict
 from engine.signals import make
 from tests.unit.engine.diagrams import block, document
@@ -213,3 +214,45 @@ def test_a_recording_that_begins_at_rest_goes_on_there():
     )
     np.testing.assert_allclose(values, 1.2, rtol=1e-12)
     np.testing.assert_allclose(tangents, 0.0, atol=1e-10)
+
+
+def sampled_axis(delay):
+    """A sampled PID controller with limits, a delay of its own and one behind it."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "d": block("delay", time=delay),
+        "c": block("sampled_pid", kp=2.0, ki=5.0, kd=0.04, filter_frequency=500.0, sample_time=0.01, delay=0.005,
+                   upper=3.0, lower=-3.0),
+        "motor": block("transfer_function", numerator=[1.0], denominator=[0.004, 0.02]), "x": block("integrator"),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "x -> e.in2", "e -> c", "c -> d", "d -> motor", "motor -> x"]
+    return compile_system(document(blocks, wires, {"y": "x"}))
+
+
+def test_what_comes_out_of_a_delay_goes_no_further_than_the_next_sampler():
+    """Each of 50 samples changes the output once, and that comes out of the delay once: four instants a sample, with its own."""
+    found = Evaluation(sampled_axis(0.0013)).simulated({"r": make("step", {})}, 0.5).outcome
+    assert found.verdict is Verdict.OK
+    assert found.steps < 5 * 50
+
+
+def test_which_delays_a_change_goes_on_into():
+    made = compile_system(
+        document(
+            {"r": block("input"), "q": block("input"), "e": block("sum", signs="+-"), "a": block("delay", time=0.1),
+             "h": block("zero_order_hold", sample_time=0.05), "b": block("delay", time=0.2), "x": block("integrator"),
+             "s": block("saturation"), "f": block("sum", signs="++"), "c": block("delay", time=0.3)},
+            ["r -> e.in1", "x -> e.in2", "e -> a", "a -> h", "h -> b", "b -> f.in1", "q -> f.in2", "f -> s", "s -> x", "x -> c"],
+            {"y": "c"},
+        )
+    )  # fmt: skip
+    ways = Ways(made.laws())
+    order = [float(delay) for delay in made.laws().delays[0].real]
+    into = dict(zip([law.label for law in made.laws().laws], ways.from_laws, strict=True))
+
+    def times(flags):
+        return {delay for delay, flag in zip(order, flags, strict=True) if flag}
+
+    assert times(ways.from_commands) == {0.1, 0.3}  # r at once, q by way of the saturation and the integrator
+    assert times(into["h"]) == {0.2}
+    assert times(into["s"]) == {0.1, 0.3}
+    assert [times(ways.from_delays[order.index(delay)]) for delay in (0.1, 0.2, 0.3)] == [set(), {0.1, 0.3}, set()]
