@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, NoReturn
@@ -22,8 +24,23 @@ CROWDS: Final = ((100, 1e-6), (1000, 2e-3))
 LARGEST: Final = 1e100
 """Beyond this a growing response is not followed."""
 
+_RARELY: Final = 0.02
 _EXPLODED: Final = 1e8
 """A state that has grown so much when its steps vanish goes to infinity in finite time."""
+
+
+def computing_time() -> Callable[[], float]:
+    """Return a clock of what this thread has computed, s, which asks the system fifty times a second at most: an answer may take a millisecond."""
+    asked, known = -math.inf, 0.0
+
+    def clock() -> float:
+        nonlocal asked, known
+        now = time.perf_counter()
+        if now - asked >= _RARELY:
+            asked, known = now, time.thread_time()
+        return known
+
+    return clock
 
 
 class Bounds:

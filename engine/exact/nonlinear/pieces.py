@@ -187,6 +187,5 @@ class Record:
         """Return whether a delayed signal jumps at the instant ``time`` (lanes,)."""
         if not delays.shape[-1]:
             return False
-        now = time[:1, None].real
-        before, after = (self.delayed(now, delays, later=later) for later in (False, True))
-        return bool(np.any(np.abs(after - before) > _JUMP * self.largest))
+        sides = self.delayed(np.repeat(time[:1, None].real, 2, axis=1), delays, later=np.array([False, True]))[0]
+        return bool(np.any(np.abs(sides[1] - sides[0]) > _JUMP * self.largest))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.exact.nonlinear.bounds import computing_time
 from engine.exact.nonlinear.integrate import Integration
 from engine.exact.nonlinear.operating_point import operating_point
 from engine.exact.nonlinear.outcome import Outcome
@@ -95,7 +95,7 @@ def respond(
     duration: float | None,
     pace: float,
     *,
-    clock: Callable[[], float] = time.thread_time,
+    clock: Callable[[], float] | None = None,
     limit: float = LIMIT,
 ) -> Response:
     """Return the response to ``signals``.
@@ -110,9 +110,9 @@ def respond(
     pace : float
         First guess of the time (s) after the last change of the commands until nothing moves any more.
     clock, limit : callable, float
-        The computation ends, with a verdict, when ``clock`` has gone on by ``limit`` seconds.
+        The computation ends, with a verdict, when ``clock``, by default that of this thread's computing, has gone on by ``limit`` seconds.
     """
-    run = Integration(system, signals, state=_struck(system, signals), clock=clock, limit=limit)
+    run = Integration(system, signals, state=_struck(system, signals), clock=clock or computing_time(), limit=limit)
     initials = _initials(system)
     last = max((t for s in signals.values() for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
     if duration is not None:
