@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -91,15 +92,16 @@ def rest(engine: DBOS, elected: Callable[[], bool]) -> None:
 
 
 def _seldom(ask: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
-    """Return what answers as the last time unless that was long ago."""
+    """Return what answers as the last time unless that was long ago; who comes while another asks waits for the same answer."""
     known: list[Any] = []
-    due_at = 0.0
+    due_at, asking = 0.0, threading.Lock()
 
     def answer(**more: Any) -> list[Any]:
         nonlocal known, due_at
-        if time.monotonic() >= due_at:
-            known = ask(**more)
-            due_at = time.monotonic() + _SELDOM
-        return known
+        with asking:
+            if time.monotonic() >= due_at:
+                known = ask(**more)
+                due_at = time.monotonic() + _SELDOM
+            return known
 
     return answer
