@@ -146,12 +146,12 @@ def _webhooks(session: Session, workspace_id: str) -> int:
 
 
 def _jobs(session: Session, workspace_id: str) -> int:
-    alive = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING)) & Job.parent_id.is_(None)
+    alive = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING))
     return _count(session, select(func.count()).select_from(Job).where(Job.workspace_id == workspace_id, alive))
 
 
 def running_jobs(session: Session, workspace_id: str) -> int:
-    """Return how many jobs of a workspace are being computed; one that waits for its parts is not."""
+    """Return how many jobs of a workspace are being computed by workers; what an agent does is not."""
     computed = (Job.status == JobStatus.RUNNING) & Job.ticket.is_not(None)
     return _count(session, select(func.count()).select_from(Job).where(Job.workspace_id == workspace_id, computed))
 

@@ -18,7 +18,7 @@ from api.processes.memory import bound_memory
 from api.services.identifications import identifications
 from api.services.jobs.computing import Computing
 from api.services.operation.app_context import Installation
-from api.services.optimizations import optimizations, spreading
+from api.services.optimizations import optimizations
 from api.services.recordings import datasets, parsing, processing
 from api.services.studies import studied
 from api.services.studies.results import versions
@@ -29,7 +29,7 @@ from api.telemetry import logs
 from engine.batch.kernels import warm as kernels
 from engine.batch.linear import warm as responses
 from optimizers.evaluation.spreading import spread
-from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
+from storage.jobs.compute import ComputeJob, Refusal, Reporter
 from storage.jobs.queue import JobQueue
 from storage.jobs.zygote import Later
 from storage.session import Database, open_database
@@ -60,17 +60,12 @@ class _Watch:
     reporter : Reporter
     kept : mapping, optional
         The state that this search kept before it was cut off.
-    given : mapping, optional
-        States that came another way, from the parts of the job: they need not be kept.
     """
 
-    def __init__(
-        self, reporter: Reporter, *, kept: Mapping[str, Any] | None = None, given: Mapping[str, Any] | None = None
-    ) -> None:
+    def __init__(self, reporter: Reporter, *, kept: Mapping[str, Any] | None = None) -> None:
         self._reporter = reporter
         reporter.listen()
-        self._kept = dict(kept or {})
-        self._given = dict(given or {})
+        self._kept = kept
 
     def progress(self, fraction: float, message: str) -> None:
         """Pass the finished share on."""
@@ -89,12 +84,12 @@ class _Watch:
 
     def keep(self, state: Mapping[str, Any]) -> None:
         """Keep a state, for the next worker if this one dies."""
-        self._kept = {name: part for name, part in state.items() if part is not self._given.get(name)}
-        self._reporter.keep(self._kept)
+        self._kept = state
+        self._reporter.keep(state)
 
     def kept(self) -> Mapping[str, Any] | None:
         """Return the last state."""
-        return {**self._given, **self._kept} or None
+        return self._kept
 
 
 def prepare() -> Later | None:
@@ -127,7 +122,7 @@ def _load_compiled() -> None:
         responses.warm()
 
 
-def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
+def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
     """Compute a job.
 
     Raises
@@ -138,8 +133,7 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
     limit = bound_memory(Settings().job_memory, more=_READING if job.kind in _READERS else None)
     with opened(job.database_url) as database:
         try:
-            found = _RUN[job.kind](job, database, reporter)
-            return found if isinstance(found, Parts) else {**found, "versions": versions()}
+            return {**_RUN[job.kind](job, database, reporter), "versions": versions()}
         except MemoryError as error:
             detail = f"a job must need at most {limit} bytes of memory (SERVOTUNE_JOB_MEMORY), got one that needs more"
             raise Refusal(**Problem(422, "too-large", detail).document()) from error
@@ -150,11 +144,11 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
             raise Refusal(**document) from error
 
 
-def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any] | Parts:
-    watch = _Watch(reporter, kept=job.state, given=spreading.grid_state(job.parts))
+def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    watch = _Watch(reporter, kept=job.state)
     with spread(workers_of(Settings(), processors=len(os.sched_getaffinity(0)))):
         return optimizations.run(
-            job.body, database=database, workspace=job.workspace_id, monitor=watch, parts=job.parts, seconds=job.seconds
+            job.body, database=database, workspace=job.workspace_id, monitor=watch, seconds=job.seconds
         )  # fmt: skip
 
 

@@ -23,8 +23,8 @@ def main() -> None:
     parser.add_argument("--clients", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--jobs", type=int, default=300, help="jobs that do nothing")
-    parser.add_argument("--parts", type=int, default=8, help="parts of a job")
-    parser.add_argument("--work", type=float, default=4.0, help="processor time of a part, s")
+    parser.add_argument("--long", type=int, default=8, help="jobs that compute")
+    parser.add_argument("--work", type=float, default=4.0, help="processor time of each of these, s")
     parser.add_argument("--processes", type=int, default=1, help="processes of the service that the clients ask")
     parser.add_argument("--resting", type=int, default=20, help="workers that have nothing to do, on Postgres")
     parser.add_argument("--rows", type=int, default=1_000_000, help="jobs and recordings in full tables, 0 for none")
@@ -52,9 +52,9 @@ def main() -> None:
             if given.only is None:
                 for what, rate in workers.rates(fresh("rates"), jobs=given.jobs).items():
                     print(f"{name}: jobs {what}: {rate:.0f}/s")
-                lasted = workers.parts(fresh("parts"), count=given.parts, seconds=given.work)
+                lasted = workers.work(fresh("work"), jobs=given.long, seconds=given.work)
                 print(
-                    f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {lasted[1]:.1f} s, 2 workers {lasted[2]:.1f} s, {lasted[1] / lasted[2]:.2f}x"
+                    f"{name}: {given.long} jobs of {given.work:g} s: 1 worker {lasted[1]:.1f} s, 2 workers {lasted[2]:.1f} s, {lasted[1] / lasted[2]:.2f}x"
                 )
                 if name == "postgres":
                     print(at_rest(fresh("resting"), workers=given.resting))

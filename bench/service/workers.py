@@ -1,7 +1,7 @@
-"""How throughput grows with workers: a job in parts, and the rates of the queue itself.
+"""How throughput grows with workers: jobs that compute, and the rates of the queue itself.
 
-Each worker has a core of its own, as `deploy/servotune-worker@.service` gives it one. A part spends processor time, not
-wall-clock time, so the ratio says what the queue and the putting together cost.
+Each worker has a core of its own, as `deploy/servotune-worker@.service` gives it one. A job spends processor time, not
+wall-clock time, so the ratio says what the queue costs.
 """
 
 from __future__ import annotations
@@ -79,13 +79,16 @@ def working(desk: Desk, url: str, count: int) -> Iterator[None]:
             worker.wait()
 
 
-def parts(url: str, *, count: int, seconds: float) -> dict[int, float]:
-    """Return how long a job of so many parts takes with one and with two workers."""
+def work(url: str, *, jobs: int, seconds: float) -> dict[int, float]:
+    """Return how long so many jobs, each of so many seconds of work, take with one and with two workers."""
     taken = {}
     for number in (1, 2):
         desk = Desk(url)
         with working(desk, url, number):
-            taken[number] = desk.wait(desk.ask("parts", count=count, work=seconds))
+            begun = time.perf_counter()
+            for job in [desk.ask("work", work=seconds) for _ in range(jobs)]:
+                desk.wait(job)
+            taken[number] = time.perf_counter() - begun
         desk.close()
     return taken
 

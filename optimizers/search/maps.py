@@ -1,4 +1,4 @@
-"""Points of a design of experiments: full grids, even samples, the cells around good points, and maps in parts."""
+"""Points of a design of experiments: full grids, even samples, and the cells around good points."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from optimizers.problem import Axis, Vector
-from optimizers.search.result import GridMap
 from optimizers.search.sampling_plan import latin_hypercubes, sobol_sequence
 
 Matrix = npt.NDArray[np.float64]
@@ -55,24 +54,3 @@ def sample(kind: str, total: int, dimensions: int, rng: np.random.Generator) -> 
     if kind == "sobol":
         return np.asarray(sobol_sequence(dimensions, rng).random_base2(math.ceil(math.log2(total)))[:total])
     return np.asarray(latin_hypercubes(dimensions, rng).random(total))
-
-
-def joined(parts: Sequence[GridMap]) -> GridMap:
-    """Return one map of the parts of a grid that was cut along its first variable, in their order.
-
-    Raises
-    ------
-    ValueError
-        If the parts do not have the same other axes.
-    """
-    first, *others = parts[0].axes
-    for part in parts[1:]:
-        if list(part.axes) != [first, *others] or any(
-            not np.array_equal(part.axes[name], parts[0].axes[name]) for name in others
-        ):
-            raise ValueError(f"parts must share the axes {', '.join(others) or '(none)'}, got other values of one")
-    return GridMap(
-        axes={first: np.concatenate([part.axes[first] for part in parts])} | {n: parts[0].axes[n] for n in others},
-        objective=np.concatenate([part.objective for part in parts]),
-        violation=np.concatenate([part.violation for part in parts]),
-    )

@@ -10,21 +10,24 @@ E. B. Wilson, "Probable inference, the law of succession, and statistical infere
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
 import numpy as np
 
 from engine.model.interruption import interruptible
 from optimizers.evaluation.certificate import TOLERANCE
-from optimizers.evaluation.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.evaluation.evaluate import UNSTABLE, Evaluator
 from optimizers.evaluation.spreading import fitting
 from optimizers.problem import Problem
 from optimizers.problem.turned import turned
-from optimizers.search.result import Monitor, Yield
+from optimizers.search.result import Keeper, Monitor, Yield, kept_by
 
 _NORMAL = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
+_KIND: Final = "yield"
+"""Of the states that are kept."""
 _BLOCK, _FEW = 256, 4
 """Draws of a block; few where each is a simulation."""
 
@@ -33,14 +36,33 @@ class _Enough(Exception):  # noqa: N818 - nothing is wrong, somebody wants no mo
     """The monitor says that it is enough."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Draws:
-    """What became of some draws: how many there were, were good, had no stable system; failures of each hard goal."""
+@dataclass(slots=True, kw_only=True)
+class _Draws:
+    """What became of the draws until here: how many there were, were good, had no stable system; failures of each hard goal."""
 
-    done: int
-    good: int
-    unstable: int
-    failures: Mapping[int, int]
+    done: int = 0
+    good: int = 0
+    unstable: int = 0
+    failures: dict[int, int]
+
+    def document(self) -> dict[str, Any]:
+        """Return it in plain numbers."""
+        return {"kind": _KIND, **asdict(self), "failures": list(self.failures.items())}
+
+    @staticmethod
+    def of(document: Mapping[str, Any]) -> _Draws:
+        """Return what such numbers tell."""
+        done, good, unstable = (int(document[name]) for name in ("done", "good", "unstable"))
+        failures = {int(goal): int(count) for goal, count in document["failures"]}
+        return _Draws(done=done, good=good, unstable=unstable, failures=failures)
+
+    def share(self) -> Yield:
+        """Return the yield of these draws."""
+        low, high = wilson(self.good, self.done)
+        return Yield(
+            share=self.good / self.done, lower95=low, upper95=high, samples=self.done, unstable=self.unstable,
+            failures=self.failures,
+        )  # fmt: skip
 
 
 def expected(
@@ -57,53 +79,39 @@ def expected(
     samples : int
     rng : numpy.random.Generator
     monitor : Monitor
-        Asked between blocks whether to stop; the yield is then that of the samples so far.
+        Asked between blocks whether to stop; the yield is then that of the samples so far. One that keeps states keeps where
+        the draws are.
     """
-    return together([drawn(problem, best, draws_of(problem, samples=samples, rng=rng), monitor=monitor)])
-
-
-def draws_of(problem: Problem, *, samples: int, rng: np.random.Generator) -> Matrix:
-    """Return the draws (samples, R) in the unit cube of the uncertain parameters."""
-    return rng.random((samples, len(problem.ranges)))
-
-
-def drawn(problem: Problem, best: Mapping[str, float], points: Matrix, *, monitor: Monitor) -> Draws:
-    """Return what becomes of some draws (n, R)."""
+    points = rng.random((samples, len(problem.ranges)))
     evaluator = Evaluator(turned(problem, best))
     block = max(_FEW, evaluator.together) if problem.diagram.nonlinear else _BLOCK
-    good = done = unstable = 0
-    failures = dict.fromkeys((g for g, goal in enumerate(problem.goals) if goal.hard), 0)
+    draws = _Draws(failures={g: 0 for g, goal in enumerate(problem.goals) if goal.hard})
+    kept = kept_by(monitor, _KIND)
+    if kept is not None and kept["best"] == best:
+        draws = _Draws.of(kept)
 
     def go_on() -> None:
-        if done and monitor.cancelled():
+        if draws.done and monitor.cancelled():
             raise _Enough
 
-    while done < len(points):
+    while draws.done < samples:
         try:
             with interruptible(go_on):
                 go_on()
-                size = fitting(evaluator, len(points) - done) or block
-                found = evaluator.assess(points[done : done + size])
+                size = fitting(evaluator, samples - draws.done) or block
+                found = evaluator.assess(points[draws.done : draws.done + size])
         except _Enough:
             break
         broken = evaluator.violations(found.values) > TOLERANCE
-        good += int((found.violation <= TOLERANCE).sum())
-        unstable += int((found.violation >= UNSTABLE).sum())
-        for g in failures:
-            failures[g] += int(broken[:, :, g].any(axis=1).sum())
-        done += len(found.violation)
-        monitor.progress(done / len(points), f"{done} of {len(points)} draws")
-    return Draws(done=done, good=good, unstable=unstable, failures=failures)
-
-
-def together(parts: Sequence[Draws]) -> Yield:
-    """Return the yield of draws that were counted apart."""
-    done, good = sum(part.done for part in parts), sum(part.good for part in parts)
-    low, high = wilson(good, done)
-    return Yield(
-        share=good / done, lower95=low, upper95=high, samples=done, unstable=sum(part.unstable for part in parts),
-        failures={goal: sum(part.failures[goal] for part in parts) for goal in parts[0].failures},
-    )  # fmt: skip
+        draws.good += int((found.violation <= TOLERANCE).sum())
+        draws.unstable += int((found.violation >= UNSTABLE).sum())
+        for g in draws.failures:
+            draws.failures[g] += int(broken[:, :, g].any(axis=1).sum())
+        draws.done += len(found.violation)
+        if isinstance(monitor, Keeper):
+            monitor.keep(draws.document() | {"best": dict(best)})
+        monitor.progress(draws.done / samples, f"{draws.done} of {samples} draws")
+    return draws.share()
 
 
 def wilson(successes: int, draws: int) -> tuple[float, float]:

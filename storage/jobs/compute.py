@@ -2,7 +2,7 @@
 
 The function runs in a process of its own, which may be killed at any time::
 
-    def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts: ...
+    def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]: ...
 
 Its return value, JSON with numpy arrays anywhere in it, becomes the result of the job.
 """
@@ -17,7 +17,7 @@ import socket
 import struct
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
@@ -44,9 +44,8 @@ HEADER = struct.Struct("<Q")
 class ComputeJob:
     """What is to be computed; ``database_url`` is for those kinds that read recordings.
 
-    ``state`` is what the computation last kept (`Reporter.keep`) before it was cut off. ``parts`` has the results of the
-    parts into which it was cut, by their numbers, and under -1 what it knew then. ``request_id`` is the request that asked for
-    it, for the log. After ``seconds`` it is cut off and has failed: whoever has anything to show ends before.
+    ``state`` is what the computation last kept (`Reporter.keep`) before it was cut off. ``request_id`` is the request that asked
+    for it, for the log. After ``seconds`` it is cut off and has failed: whoever has anything to show ends before.
     """
 
     id: str
@@ -55,7 +54,6 @@ class ComputeJob:
     workspace_id: str
     database_url: str = field(repr=False)
     state: dict[str, Any] | None = None
-    parts: Mapping[int, dict[str, Any]] = field(default_factory=dict)
     request_id: str | None = None
     seconds: float | None = None
 
@@ -68,19 +66,7 @@ class Refusal(Exception):  # noqa: N818 - it is no error of the software
         self.problem: dict[str, Any] = {"type": type, "title": title, "detail": detail, **more}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parts:
-    """Returned by the compute function in place of a result: these parts are to be computed first, by any worker.
-
-    Each is put under ``part`` into the body of a job like this one. Then the function is called again for the whole job, with
-    their results and with ``known`` in `ComputeJob.parts`.
-    """
-
-    documents: Sequence[dict[str, Any]]
-    known: Mapping[str, Any] | None = None
-
-
-Compute = Callable[[ComputeJob, "Reporter"], Mapping[str, Any] | Parts]
+Compute = Callable[[ComputeJob, "Reporter"], Mapping[str, Any]]
 
 
 # What a child tells its worker.
@@ -108,9 +94,9 @@ class Kept:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """The result, or the parts that must be computed first."""
+    """The result."""
 
-    result: Mapping[str, Any] | Parts
+    result: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)

@@ -172,6 +172,13 @@ class Keeper:
             strangers = requeue.strangers(session)
         recover(strangers)
         with self._database.session() as session:
+            whole = requeue.joined(session)
+            self._queue.release(session)
+        for identifier in whole:
+            _log.warning(
+                "job %s was cut into parts by an earlier version, and is in the queue again, whole", identifier
+            )
+        with self._database.session() as session:
             lost = requeue.uncarried(session)
             self._queue.carry(session, lost)
             if strangers:

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable, Mapping
 from typing import Any, NoReturn, TypeVar
 
 from sqlalchemy.orm import Session
 
 from storage.errors import UNAVAILABLE, why_unavailable
-from storage.jobs.compute import Parts
 from storage.jobs.queue import JobQueue
-from storage.jobs.time_limits import with_deadline
 from storage.models import Job, JobStatus
 from storage.models.base import Document
-from storage.repositories import jobs, parts
+from storage.repositories import jobs
 from storage.repositories.results import PackedBody, ResultRepository
 from storage.session import Database
 
-#: How often (s) a part tells its parent how far it is.
-_PART_INTERVAL = 1.0
 #: The pauses (s) between two tries to write while the database is away, and the longest of them.
 _PAUSE, _LONGEST_PAUSE = 0.5, 5.0
 
@@ -44,7 +39,6 @@ class Outcomes:
         self._database = database
         self._queue = queue
         self._stopping = stopping
-        self._told: dict[str, float] = {}
 
     def write(self, work: Callable[[Session], Value]) -> Value:
         """Do some work in a transaction; wait for a database or an object store that is away, for there is nothing else to do."""
@@ -61,7 +55,6 @@ class Outcomes:
 
     def let_go(self, job: Job) -> str:
         """Give what was put aside its turn; return the status in which the job is left."""
-        self._told.pop(job.id, None)
 
         def release(session: Session) -> str:
             self._queue.release(session, job.workspace_id)
@@ -81,72 +74,31 @@ class Outcomes:
         self.write(keep)
 
     def progress(self, job: Job, fraction: float, message: str | None) -> None:
-        """Say how far a job is; of a part it shows in the whole."""
-        if job.parent_id is None:
-            self._report(job, fraction, message)
-        else:
-            self._report_part(job, job.parent_id, fraction)
+        """Say how far a job is."""
+        self._report(job, fraction, message)
 
     def message(self, job: Job, text: str) -> None:
-        """Add a line to what a job tells; of a part nobody reads the lines."""
-        if job.parent_id is None:
-            self._report(job, None, text)
+        """Add a line to what a job tells."""
+        self._report(job, None, text)
 
     def _report(self, job: Job, progress: float | None, message: str | None) -> None:
         self.write(
             lambda session: jobs.report(session, job.id, attempt=job.attempts, progress=progress, message=message)
         )
 
-    def _report_part(self, job: Job, parent_id: str, fraction: float) -> None:
-        """Let the parent's progress be the mean of its parts', now and then."""
-        now = time.monotonic()
-        if now < self._told.get(job.id, 0.0):
-            return
-        self._told[job.id] = now + _PART_INTERVAL
-
-        def tell(session: Session) -> None:
-            if jobs.lock(session, parent_id, attempt=None) and jobs.lock(session, job.id, attempt=job.attempts):
-                jobs.set_progress(session, job.id, fraction)
-                _, mean = parts.progress(session, parent_id)
-                jobs.append_event(session, parent_id, "progress", {"progress": mean}, progress=mean)
-
-        self.write(tell)
-
     def keep_state(self, job: Job, state: dict[str, Any]) -> None:
         """Keep from where the next worker goes on if this one dies."""
         self.write(lambda session: jobs.keep_state(session, job.id, attempt=job.attempts, state=state))
 
-    def cut(self, job: Job, wanted: Parts) -> None:
-        """Put the parts of a job into the queue; the last of them to end brings the job back there."""
-
-        def cut(session: Session) -> None:
-            if jobs.lock(session, job.id, attempt=job.attempts):
-                rows = parts.create(session, with_deadline(session, job), wanted.documents, wanted.known)
-                text = f"cut into {len(rows)} parts"
-                jobs.append_event(session, job.id, "message", {"message": text}, message=text, ticket=None, worker=None)
-                self._queue.carry(session, rows)
-
-        self.write(cut)
-
     def succeed(self, job: Job, result: Mapping[str, Any]) -> None:
-        """End a job with its result; the last part to end brings the whole back into the queue."""
+        """End a job with its result."""
 
         def keep(session: Session) -> None:
             ready = ResultRepository(session, job.workspace_id).pack(result)  # nobody is locked out meanwhile
-            parent = job.parent_id
-            if parent is not None and not jobs.lock(session, parent, attempt=None):
-                return
             if not jobs.lock(session, job.id, attempt=job.attempts):
                 return
             kept = self._result(session, job, result, ready)
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=kept)
-            if parent is None:
-                return
-            left, mean = parts.progress(session, parent)
-            if left == 0:
-                self._queue.carry(session, [session.get_one(Job, parent, populate_existing=True)])
-            else:  # a part may be over before it has told anything
-                jobs.append_event(session, parent, "progress", {"progress": mean}, progress=mean)
 
         self.write(keep)
 
@@ -158,7 +110,7 @@ class Outcomes:
         row = ResultRepository(session, job.workspace_id).create(
             kind=job.kind,
             body=ready,
-            request=job.body if job.parent_id is None else None,
+            request=job.body,
             system_id=system.get("id"),
             system_revision=system.get("revision"),
             versions=versions if isinstance(versions, Mapping) else None,
@@ -177,15 +129,9 @@ class Outcomes:
 
     def refuse(self, job: Job, problem: Document) -> None:
         """End a job with the problem that its computation told."""
-
-        def fail(session: Session) -> None:
-            if job.parent_id is None:
-                jobs.finish(session, job.id, status=JobStatus.FAILED, attempt=job.attempts, error=problem)
-            elif jobs.lock(session, job.parent_id, attempt=None) and jobs.lock(session, job.id, attempt=job.attempts):
-                # The whole fails with its part, and takes all the others with it.
-                jobs.finish(session, job.parent_id, status=JobStatus.FAILED, error=problem)
-
-        self.write(fail)
+        self.write(
+            lambda session: jobs.finish(session, job.id, status=JobStatus.FAILED, attempt=job.attempts, error=problem)
+        )
 
     def give_back(self, job: Job) -> NoReturn:
         """Let another worker begin it anew, because this one stops."""

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from datetime import datetime
 
 from dbos import DBOSClient
-from sqlalchemy import exists, select, update
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
@@ -21,7 +21,6 @@ from storage.jobs.bell import ring
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, WORKFLOW
 from storage.models import Job, JobStatus, Priority, Workspace
 from storage.models.base import Document
-from storage.repositories import parts
 from storage.repositories.jobs import DONE_ELSEWHERE, JobRepository, append_event
 from storage.session import Database
 
@@ -108,22 +107,16 @@ class JobQueue:
             raise StateError(f"job {identifier!r} must not have ended to be resumed, it is {job.status}")
         if not job.paused:
             return job
-        open_parts = parts.unfinished(session, identifier)
-        status = JobStatus.RUNNING if open_parts else JobStatus.QUEUED
-        append_event(session, identifier, "status", {"status": status}, paused=False, status=status)
+        append_event(session, identifier, "status", {"status": JobStatus.QUEUED}, paused=False, status=JobStatus.QUEUED)
         session.refresh(job)
-        for part in open_parts:
-            part.paused = False
-        self.carry(session, open_parts or [job])
+        self.carry(session, [job])
         record(session, workspace_id, "job.resume", identifier)
         session.refresh(job)
         return job
 
     def release(self, session: Session, workspace_id: str | None = None) -> int:
         """Hand jobs that were put aside to the workers, as many as their workspaces have room for; return how many."""
-        part = aliased(Job)
-        whole = ~exists(select(part.id).where(part.parent_id == Job.id, part.finished_at.is_(None)))
-        rows = select(Job).where(Job.status == JobStatus.QUEUED, Job.ticket.is_(None), Job.paused.is_(False), whole)
+        rows = select(Job).where(Job.status == JobStatus.QUEUED, Job.ticket.is_(None), Job.paused.is_(False))
         rows = rows.where(Job.kind.not_in(DONE_ELSEWHERE))
         if workspace_id is not None:
             rows = rows.where(Job.workspace_id == workspace_id)

@@ -1,7 +1,7 @@
-"""Finds what the job engine does not carry although it should: jobs without a workflow, workflows of workers that nobody knows.
+"""Finds what the job engine does not carry although it should: jobs without a workflow, workflows of nobody's, jobs that were cut.
 
-Neither happens by itself. A database restored from a backup, moved to another server or brought up from an earlier version
-has both, and so has one whose engine gave a job up. What it claimed and never began is told by `storage.jobs.claims`.
+None happens by itself. A database restored from a backup, moved to another server or brought up from an earlier version
+has the first two, and so has one whose engine gave a job up; earlier versions cut large jobs into parts. What it claimed and never began is told by `storage.jobs.claims`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from sqlalchemy.orm import Session
 
 from storage.jobs.engine import QUEUE
 from storage.models import Job, JobStatus, Worker
+from storage.repositories import jobs
+from storage.repositories.results import ResultRepository
 
 _CARRIED = ("ENQUEUED", "PENDING", "DELAYED")
 _UNFINISHED = (JobStatus.QUEUED, JobStatus.RUNNING)
@@ -80,3 +82,22 @@ def holders(session: Session, tickets: Collection[str]) -> Sequence[Job]:
     )
     found = session.scalars(rows).all()
     return session.scalars(select(Job).where(Job.id.in_(found)).execution_options(populate_existing=True)).all()
+
+
+def joined(session: Session) -> Sequence[str]:
+    """Delete the parts into which an earlier version has cut jobs, and put these aside, whole, for the next release; return which.
+
+    Such a version may still cut some while it serves beside this one.
+    """
+    parts = session.scalars(select(Job).where(Job.parent_id.is_not(None))).all()
+    whole = sorted({str(part.parent_id) for part in parts})
+    for identifier in whole:
+        if jobs.lock(session, identifier, attempt=None) and not session.get_one(Job, identifier).paused:
+            jobs.hold(session, identifier, paused=False)
+    for part in parts:
+        session.delete(part)
+    session.flush()
+    for part in parts:
+        if part.result_id is not None:
+            ResultRepository(session, part.workspace_id).delete(part.result_id)
+    return whole

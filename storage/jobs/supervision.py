@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -24,7 +24,6 @@ from storage.jobs.compute import (
     Kept,
     Listening,
     Message,
-    Parts,
     Progress,
     Refused,
 )
@@ -32,8 +31,7 @@ from storage.jobs.outcomes import Outcomes, Stopped
 from storage.jobs.queue import JobQueue
 from storage.jobs.time_limits import overdue_detail, time_left
 from storage.models import Job, JobState
-from storage.models.base import Document
-from storage.repositories import jobs, parts
+from storage.repositories import jobs
 from storage.session import Database
 
 #: How often a job may begin without getting further: a third worker that dies with it has had enough.
@@ -60,7 +58,6 @@ class _Begun:
 
     job: Job
     state: JobState | None
-    parts: Mapping[int, Document]
     seconds: float | None
 
     @property
@@ -133,7 +130,6 @@ class Supervisor:
                 workspace_id=job.workspace_id,
                 database_url=self._database.url,
                 state=None if warm.state is None else warm.state.state,
-                parts=warm.parts,
                 request_id=job.request_id,
                 seconds=warm.seconds,
             )
@@ -153,7 +149,6 @@ class Supervisor:
         return _Begun(
             job=job,
             state=jobs.state_of(session, job_id),
-            parts=parts.results(session, job),
             seconds=time_left(job, now=shared_now(session)),
         )
 
@@ -216,8 +211,7 @@ class Supervisor:
             if isinstance(frame, Refused | Crashed):
                 return
             if isinstance(frame, Done):
-                if not isinstance(frame.result, Parts):
-                    self._outcomes.keep_best(job, frame.result)
+                self._outcomes.keep_best(job, frame.result)
                 return
 
     def _take(self, job: Job, frame: Frame) -> bool:
@@ -230,10 +224,7 @@ class Supervisor:
             case Kept(state):
                 self._outcomes.keep_state(job, state)
             case Done(result):
-                if isinstance(result, Parts):
-                    self._outcomes.cut(job, result)
-                else:
-                    self._outcomes.succeed(job, result)
+                self._outcomes.succeed(job, result)
                 return True
             case Refused(problem):
                 self._outcomes.refuse(job, problem)

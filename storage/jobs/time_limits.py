@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 
-from sqlalchemy.orm import Session
-
-from storage.clock import shared_now
 from storage.models import Job
 
 
@@ -32,13 +29,3 @@ def time_left(job: Job, *, now: datetime) -> float | None:
     if job.deadline is not None:
         ends.append((job.deadline - now).total_seconds())
     return min(ends) if ends else None
-
-
-def with_deadline(session: Session, job: Job) -> Job:
-    """Return the present row of a job that is cut, its parts' deadline in it."""
-    row = session.get_one(Job, job.id, populate_existing=True)
-    now = shared_now(session)
-    left = time_left(row, now=now)
-    if left is not None:
-        row.deadline = now + timedelta(seconds=left)
-    return row

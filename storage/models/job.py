@@ -43,8 +43,8 @@ class Job(Base):
     may be gone.
 
     ``ticket`` is the job engine's workflow that carries the job, numbered by ``round``; a job without one waits: for being
-    resumed, for room in its workspace, or for its parts. A part is a job of its own, ``part`` of the job ``parent_id``, which
-    no user sees; those below 0 hold what the parent knew when it was cut.
+    resumed, or for room in its workspace. ``part`` and ``parent_id`` are of earlier versions, which cut large jobs into parts that
+    were jobs of their own.
 
     ``request_id`` is the request that asked for it, or the occasion (``tick_...``) on which a schedule did; ``traceparent`` is the
     span of that as W3C's Trace Context writes it, None where nobody collects traces.

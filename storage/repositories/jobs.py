@@ -4,8 +4,6 @@
 
     queued -> running -> succeeded | failed | cancelled
     queued -> cancelled,  running -> queued (given back by a worker that stops, or paused)
-
-Rows are locked in the order parent, part, workspace: what is cut into parts is locked before any of them.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ from storage.lineage import remember, sources_in
 from storage.models import Job, JobEvent, JobState, JobStatus, JobTally, Priority, Result
 from storage.models.base import MAX_INTEGER, Document
 from storage.pagination import EVERY, Narrowing, Page, paginate
-from storage.repositories import parts
+from storage.repositories.results import ResultRepository
 from storage.repositories.webhooks import tell_end
 
 _ALIVE = (JobStatus.QUEUED, JobStatus.RUNNING)
@@ -98,7 +96,7 @@ class JobRepository:
     def get(self, identifier: str) -> Job:
         """Return a job as it is now; raise `NotFoundError` when it is not in this workspace."""
         job = self._session.get(Job, identifier, populate_existing=True)
-        if job is None or job.workspace_id != self._workspace_id or job.parent_id is not None:
+        if job is None or job.workspace_id != self._workspace_id:
             raise NotFoundError("job", identifier)
         return job
 
@@ -113,7 +111,7 @@ class JobRepository:
         limit: int = 100,
     ) -> Page[Job]:
         """Return the jobs of the workspace, newest first."""
-        rows = select(Job).where(Job.workspace_id == self._workspace_id, Job.parent_id.is_(None))
+        rows = select(Job).where(Job.workspace_id == self._workspace_id)
         if kind is not None:
             rows = rows.where(Job.kind == kind)
         if status is not None:
@@ -156,7 +154,6 @@ class JobRepository:
                 f"job {identifier!r} must not have ended to be paused, it is {self.get(identifier).status}"
             )
         hold(self._session, identifier, paused=True)
-        parts.pause(self._session, identifier)
         record(self._session, self._workspace_id, "job.pause", identifier)
         return self.get(identifier)
 
@@ -184,7 +181,7 @@ def begin(session: Session, job_id: str, *, worker: str, ticket: str | None = No
     A job whose workspace has as many running as it may have is put aside, see `storage.jobs.queue.JobQueue.release`.
     """
     found = session.get(Job, job_id, populate_existing=True)
-    if found is None:
+    if found is None or found.parent_id is not None:  # a part is joined to its whole, see `storage.jobs.requeue.joined`
         return None
     if found.status == JobStatus.QUEUED and not quotas.may_run(session, found.workspace_id):
         if session.scalar(select(Job.id).where(Job.id == job_id, _carried_by(ticket))) is not None:
@@ -259,13 +256,6 @@ def postpone(session: Session, job_id: str, *, attempt: int, seconds: float) -> 
     return job
 
 
-def set_progress(session: Session, job_id: str, fraction: float) -> None:
-    """Write down how far a part is, which nobody follows by its events."""
-    session.execute(
-        update(Job).where(Job.id == job_id).values(progress=fraction).execution_options(synchronize_session=False)
-    )
-
-
 def finish(
     session: Session,
     job_id: str,
@@ -288,13 +278,11 @@ def finish(
     append_event(session, job_id, "status", payload, **values)
     if status is not JobStatus.SUCCEEDED:
         abandon(session, job_id, error or {"title": "Cancelled", "detail": "the job that read the file was cancelled"})
-    parts.drop(session, job_id)
     session.execute(delete(JobState).where(JobState.job_id == job_id))
     job = session.get_one(Job, job_id, populate_existing=True)
-    if job.parent_id is None:
-        tell_end(session, job_id)
-        seconds = 0.0 if job.started_at is None else max((now - job.started_at).total_seconds(), 0.0)
-        _count(session, job.kind, status, seconds)
+    tell_end(session, job_id)
+    seconds = 0.0 if job.started_at is None else max((now - job.started_at).total_seconds(), 0.0)
+    _count(session, job.kind, status, seconds)
     return True
 
 
@@ -350,22 +338,20 @@ def lock(session: Session, job_id: str, *, attempt: int | None) -> bool:
 
 def overdue(session: Session, *, limit: int = 100) -> Sequence[str]:
     """Return jobs that wait although the time by which they must have ended is over."""
-    rows = select(Job.id).where(
-        Job.status == JobStatus.QUEUED, Job.deadline < shared_now(session), Job.parent_id.is_(None)
-    )
+    rows = select(Job.id).where(Job.status == JobStatus.QUEUED, Job.deadline < shared_now(session))
     return session.scalars(rows.limit(limit)).all()
 
 
 def forget(session: Session, *, before: datetime, limit: int = 200) -> int:
     """Delete jobs that ended before, with their events and results; return how many, at most ``limit``."""
-    rows = select(Job).where(Job.finished_at < before, Job.parent_id.is_(None)).order_by(Job.finished_at)
+    rows = select(Job).where(Job.finished_at < before).order_by(Job.finished_at)
     jobs = session.scalars(rows.limit(limit)).all()
     for job in jobs:
         result = None if job.result_id is None else session.get(Result, job.result_id)
         session.delete(job)
         session.flush()
         if result is not None:
-            parts.discard(session, result)
+            ResultRepository(session, result.workspace_id).delete(result.id)
     return len(jobs)
 
 
@@ -386,7 +372,7 @@ def forget_events(session: Session, *, before: datetime, limit: int = 1000) -> i
 
 
 def waiting(session: Session) -> Sequence[tuple[str, str, int, datetime]]:
-    """Return (kind, status, number, the oldest one's time) of the unfinished jobs, parts among them."""
+    """Return (kind, status, number, the oldest one's time) of the unfinished jobs."""
     rows = select(Job.kind, Job.status, func.count(), func.min(Job.created_at)).where(Job.status.in_(_ALIVE))
     return [
         (kind, status, count, oldest)

@@ -11,10 +11,10 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
+from storage.jobs.compute import ComputeJob, Refusal, Reporter
 
 
-def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
+def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
     if job.kind in _WHOLE:
         return _WHOLE[job.kind](job, reporter)
     return globals()[job.kind](job.body, reporter)
@@ -98,19 +98,4 @@ def climb(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
     return {"begun_at": first}
 
 
-def spread(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
-    """Square numbers, each in a part of its own, and add them up."""
-    if "part" in job.body:
-        with Path(job.body["log"]).open("a") as lines:
-            lines.write(f"{job.body['part']['number']}\n")
-        time.sleep(job.body.get("pause", 0.0))
-        if job.body["part"]["number"] == job.body.get("fails"):
-            raise Refusal(type="urn:test:part", title="Part", detail="this part cannot be had")
-        return {"square": np.array([job.body["part"]["number"] ** 2.0])}
-    if not job.parts:
-        return Parts(documents=[{"number": n} for n in range(job.body["count"])], known={"offset": np.array([1000.0])})
-    squares = [float(job.parts[n]["square"][0]) for n in range(job.body["count"])]
-    return {"sum": sum(squares) + float(job.parts[-1]["offset"][0])}
-
-
-_WHOLE = {"climb": climb, "spread": spread}
+_WHOLE = {"climb": climb}

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import ValidationError
@@ -22,7 +21,6 @@ from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
 from api.schemas.systems import SystemDocument
 from api.services.jobs import jobs
 from api.services.operation.app_context import Caller, Installation
-from api.services.optimizations import spreading
 from api.services.recordings.datasets import reader_of
 from api.services.systems.systems import Subject, compiled, document_of, subject_of
 from engine.analysis.study import simulate
@@ -30,12 +28,8 @@ from engine.model.errors import EngineError
 from optimizers import methods
 from optimizers.evaluation.effort import metered, seconds_of
 from optimizers.problem import Problem
-from optimizers.search.limits import Limited
-from optimizers.search.result import Monitor, Result, Share
-from optimizers.solving.expectation import expected
-from optimizers.solving.sharding import Stretch, cut_draws
-from optimizers.solving.solve import check_applicable, check_request, compare, solve, yield_randomness
-from storage.jobs.compute import Parts
+from optimizers.search.result import Monitor
+from optimizers.solving.solve import check_applicable, check_request, compare, solve
 from storage.session import Database
 
 KIND = "optimization"
@@ -158,64 +152,35 @@ def submit(
 
 
 def run(
-    body: Mapping[str, Any],
-    *,
-    database: Database,
-    workspace: str,
-    monitor: Monitor,
-    parts: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
-    seconds: float | None = None,
-) -> dict[str, Any] | Parts:
-    """Compute an optimisation (in a worker) and return what is remembered of it, or the parts that are to be computed first.
+    body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor, seconds: float | None = None
+) -> dict[str, Any]:
+    """Compute an optimisation (in a worker) and return what is remembered of it.
 
     Parameters
     ----------
-    parts : mapping
-        What the parts found that were asked for before, see `api.services.optimizations.spreading`.
     seconds : float, optional
         How long it may take: a search that does not end before is stopped, and its best point is the result.
     """
     with metered() as effort:
-        for part in parts.values():
-            effort.add(part.get("effort") or part.get("result", {}).get("effort", {}))
-        found = _computed(body, database=database, workspace=workspace, monitor=monitor, parts=parts, seconds=seconds)
-        if isinstance(found, Parts):
-            return found
+        found = _computed(body, database=database, workspace=workspace, monitor=monitor, seconds=seconds)
         spent = effort.spent()
         return {**found, "seconds": seconds_of(spent), "effort": spent}
 
 
 def _computed(
-    body: Mapping[str, Any],
-    *,
-    database: Database,
-    workspace: str,
-    monitor: Monitor,
-    parts: Mapping[int, Mapping[str, Any]],
-    seconds: float | None,
-) -> dict[str, Any] | Parts:
-    finished = spreading.with_yield(parts)
-    if finished is not None:
-        return finished
+    body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor, seconds: float | None
+) -> dict[str, Any]:
     request = OptimizationRequest.model_validate(body["request"])
     read_channel = reader_of(database, workspace)
     kind, options = method_options(request)
     samples = request.yield_samples
-    stretches: list[Stretch] | None = None
     extras: dict[str, Any] = {}
     if request.alternatives is None:
         diagram = compiled(body["request"]["system"], place=("system",))
         problem = problem_from_wire(request, diagram, read_channel=read_channel)
-        if "part" in body:
-            return spreading.compute_part(
-                body["part"], problem, options, samples=samples, monitor=Limited(monitor, seconds)
-            )
-        cut = None if parts else spreading.cut_grid(kind, problem, options)
-        if cut is not None:
-            return cut
-        result = solve(kind, problem, options, monitor=monitor, checks=request.cross_check, seconds=seconds)
-        if samples:
-            result, stretches = _with_yield(problem, result, options, samples, monitor)
+        result = solve(
+            kind, problem, options, monitor=monitor, checks=request.cross_check, samples=samples, seconds=seconds
+        )
     else:
         problems = {
             alternative["name"]: problem_from_wire(
@@ -246,22 +211,7 @@ def _computed(
         system=reference,
         warnings=[*warnings_to_wire(diagram.warnings, place=place), *warnings_to_wire(problem.doubts, place=())],
     )
-    wire |= extras
-    return wire if stretches is None else spreading.cut_yield(stretches, result.best, wire=wire)
-
-
-def _with_yield(
-    problem: Problem, result: Result, options: Mapping[str, Any], samples: int, monitor: Monitor
-) -> tuple[Result, list[Stretch] | None]:
-    """Return the result with its yield, or the stretches of the draws that other workers had better make."""
-    stretches = cut_draws(problem, result.best, samples=samples)
-    if stretches:
-        return result, stretches
-    monitor.progress(0.95, "estimating the yield")
-    found = expected(
-        problem, result.best, samples=samples, rng=yield_randomness(options), monitor=Share(monitor, 0.95, 0.05)
-    )
-    return replace(result, expected=found), None
+    return wire | extras
 
 
 def _curves(problem: Problem, overrides: Mapping[str, float]) -> dict[str, Any]:

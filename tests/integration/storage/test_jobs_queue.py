@@ -13,9 +13,9 @@ import pytest
 from dbos._sys_db import SystemDatabase
 from sqlalchemy import func, select, text, update
 
-from storage.errors import NotFoundError, StateError
+from storage.errors import StateError
 from storage.jobs.worker import Worker
-from storage.models import DEFAULT_WORKSPACE, Job, JobTally, Priority, Result, Workspace
+from storage.models import DEFAULT_WORKSPACE, Job, Priority, Result, Workspace
 from storage.models.base import utc_now
 from storage.repositories import JobRepository, ResultRepository
 from storage.repositories import jobs as changes
@@ -142,60 +142,6 @@ def test_a_job_out_of_time_fails_and_its_process_is_gone(desk, worker):
     late = desk.wait(desk.ask_in(DEFAULT_WORKSPACE, "linger", queue={"deadline": utc_now() + timedelta(seconds=0.3)}))
     assert (late.status, late.attempts) == ("failed", 0)
     assert "before its deadline" in late.error["detail"]
-
-
-def test_parts_are_computed_by_anybody_and_put_together(desk, worker, tmp_path):
-    log = tmp_path / "log"
-    worker.start()
-    job = desk.wait(desk.ask("spread", count=5, log=str(log)))
-    with desk.database.session() as session:
-        results = ResultRepository(session, DEFAULT_WORKSPACE)
-        assert results.body(results.get(job.result_id)) == {"sum": 1000.0 + 0 + 1 + 4 + 9 + 16}
-        assert session.scalars(select(Job.id)).all() == [job.id]
-        assert session.scalar(select(func.count()).select_from(Result)) == 1
-        (tally,) = session.scalars(select(JobTally)).all()
-        own = session.get_one(Workspace, DEFAULT_WORKSPACE).stored_bytes
-        assert own == results._size(results.get(job.result_id))
-    assert (tally.kind, tally.status, tally.count) == ("spread", "succeeded", 1)
-    assert sorted(steps(log)) == [0, 1, 2, 3, 4]
-    assert job.attempts == 2  # cut it, put it together
-    told = [payload for _, _, payload in desk.events(job.id)]
-    assert any(payload.get("message") == "cut into 5 parts" for payload in told)
-    # None of them says how far it is: that it has ended is what the whole tells of it.
-    assert [payload["progress"] for payload in told if "progress" in payload] == pytest.approx([0.2, 0.4, 0.6, 0.8])
-
-
-def test_a_part_that_fails_ends_the_whole(desk, worker, tmp_path):
-    worker.start()
-    job = desk.wait(desk.ask("spread", count=4, log=str(tmp_path / "log"), fails=1))
-    assert (job.status, job.error["detail"]) == ("failed", "this part cannot be had")
-    with desk.database.session() as session:
-        assert session.scalars(select(Job.id)).all() == [job.id]
-        assert session.scalar(select(func.count()).select_from(Result)) == 0
-
-
-def test_a_job_in_parts_is_paused_resumed_and_cancelled_as_one(desk, worker, tmp_path):
-    log = tmp_path / "log"
-    job = desk.ask("spread", count=6, log=str(log), pause=0.2)
-    worker.start()
-    wait_for(lambda: len(steps(log)) >= 2, "the second part")
-    desk.pause(job)
-    begun = len(steps(log))
-    assert desk.wait(desk.ask("square", values=[1], pause=0)).status == "succeeded"
-    assert len(steps(log)) == begun
-    with desk.database.session() as session:
-        part = session.scalars(select(Job.id).where(Job.parent_id == job)).first()
-        with pytest.raises(NotFoundError):
-            JobRepository(session, DEFAULT_WORKSPACE).get(part)
-        page = JobRepository(session, DEFAULT_WORKSPACE).page()
-        assert {row.parent_id for row in page.items} == {None}
-    assert desk.resume(job).status == "running"
-    wait_for(lambda: len(steps(log)) > begun, "another part")
-    assert desk.cancel(job).status == "cancelled"
-    with desk.database.session() as session:
-        assert session.scalar(select(func.count()).where(Job.parent_id == job)) == 0
-    assert desk.wait(desk.ask("square", values=[1], pause=0)).status == "succeeded"
-    assert len(steps(log)) < 6 + 2
 
 
 def test_what_nobody_carries_is_found(desk, worker):

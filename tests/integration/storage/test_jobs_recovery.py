@@ -12,13 +12,16 @@ from datetime import datetime
 
 import pytest
 from sqlalchemy import false, select, text, update
+from sqlalchemy.orm import Session
 
 from storage.errors import StateError
+from storage.ids import new_id
 from storage.jobs import maintenance
 from storage.jobs.engine import SHAPE
 from storage.jobs.worker import Worker
-from storage.models import DEFAULT_WORKSPACE, Elected, Job
-from storage.repositories import JobRepository, WorkerRepository
+from storage.models import DEFAULT_WORKSPACE, Elected, Job, JobStatus, Workspace
+from storage.models.base import utc_now
+from storage.repositories import JobRepository, ResultRepository, WorkerRepository
 from storage.repositories import jobs as changes
 from tests.support.desk import COMPUTE, Desk, exists, wait_for, wait_until_gone
 from tests.support.patience import PATIENCE
@@ -200,6 +203,51 @@ def test_what_was_claimed_under_a_lost_name_is_found_by_whoever_begins(
             beginner.wait()
     finally:
         elected.stop()
+
+
+def test_a_job_that_an_earlier_version_has_cut_is_computed_whole(desk: Desk, database_url):
+    """Some parts done, one in the queue, one in the hands of a worker of that version; and one job that is paused meanwhile."""
+    whole, held = desk.ask("square", values=[3], pause=0), desk.ask("square", values=[4], pause=0)
+    with desk.database.session() as session:
+        for parent in (whole, held):
+            _cut(session, desk, parent)
+        stored = session.get_one(Workspace, DEFAULT_WORKSPACE).stored_bytes
+    desk.pause(held)
+    assert stored > 0
+    worker = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
+    worker.start()
+    try:
+        assert desk.wait(whole).status == "succeeded"
+        assert desk.get(held).paused
+        with desk.database.session() as session:
+            assert set(session.scalars(select(Job.id))) == {whole, held}
+            own = session.get_one(Workspace, DEFAULT_WORKSPACE).stored_bytes
+            assert own < stored
+        desk.resume(held)
+        assert desk.wait(held).status == "succeeded"
+    finally:
+        worker.stop()
+
+
+def _cut(session: Session, desk: Desk, parent: str) -> None:
+    """Leave a job as a version did that cut it into parts."""
+    row = session.get_one(Job, parent)
+    row.status, row.ticket, row.attempts = JobStatus.RUNNING, None, 1
+    row.started_at = utc_now()
+    result = ResultRepository(session, DEFAULT_WORKSPACE).create(
+        kind=row.kind, body={"n": [1.0] * 100}, within_quota=False
+    )
+    parts = [
+        Job(
+            id=new_id("job"), workspace_id=DEFAULT_WORKSPACE, kind=row.kind, body=row.body | {"part": {}}, status=status,
+            parent_id=parent, part=number,
+        )
+        for number, status in enumerate((JobStatus.SUCCEEDED, JobStatus.QUEUED, JobStatus.RUNNING), start=-1)
+    ]  # fmt: skip
+    parts[0].result_id, parts[0].finished_at = result.id, utc_now()
+    session.add_all(parts)
+    session.flush()
+    desk.queue.carry(session, parts[1:])
 
 
 def _claimed_by(desk: Desk, name: str) -> str:

@@ -15,10 +15,11 @@ from engine.exact.time.sampled import simulate_sampled
 from engine.model.document import Block, Connection, System
 from optimizers.identification import identify
 from optimizers.methods.least_squares import Reached, minimize_squares
-from optimizers.problem import Variable
+from optimizers.problem import Uncertain, Variable
 from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 from optimizers.search.result import Share, Unwatched
 from optimizers.solving.solve import solve
+from tests.unit.optimizers.drive import fastest, pid_loop
 from tests.unit.optimizers.landscapes import landscape
 
 VALLEYS = landscape(
@@ -102,6 +103,56 @@ def test_a_search_goes_on_where_it_was(method, options, after) -> None:
     assert resumed.objective == result.objective
     assert resumed.evaluations == result.evaluations
     assert second.count == whole.count - after
+
+
+@pytest.mark.parametrize(
+    ("problem", "options"),
+    [
+        (VALLEYS, {"points": 40, "refine": 1}),
+        (VALLEYS, {"sampling": "sobol", "samples": 1500}),
+        (fastest(pid_loop(), "kp", "kd"), {"points": 20}),
+    ],
+    ids=["grid", "sample", "loop"],
+)
+def test_a_grid_goes_on_where_it_was(problem, options) -> None:
+    whole = Memory()
+    result = solve("grid", problem, options, monitor=whole)
+    assert whole.count >= 2, "it must get so far"
+    first = Memory(most=2)
+    with pytest.raises(CutError):
+        solve("grid", problem, options, monitor=first)
+    (looked,) = first.states[-1].values()
+    second = Memory(first.state)
+    resumed = solve("grid", problem, options, monitor=second)
+    assert np.array_equal(resumed.map.objective, result.map.objective, equal_nan=True)
+    assert np.array_equal(resumed.map.violation, result.map.violation, equal_nan=True)
+    assert resumed.best == result.best
+    assert resumed.evaluations == result.evaluations
+    # What had been looked at is not looked at again.
+    assert all(state["0"]["evaluations"] > looked["evaluations"] for state in second.states)
+
+
+def test_a_yield_goes_on_where_it_was() -> None:
+    uncertain = (Uncertain(parameter="y", lower=-1, upper=1),)
+    bounded = (*VALLEYS.goals, replace(VALLEYS.goals[0], sense=None, upper=20.0))
+    problem = replace(VALLEYS, variables=VALLEYS.variables[:1], uncertain=uncertain, goals=bounded)
+    options = {"seed": 4, "points": 3}
+    whole = Memory()
+    result = solve("grid", problem, options, samples=1500, monitor=whole)
+    draws = [state["0.95"]["done"] for state in whole.states if "0.95" in state]
+    assert len(draws) > 3
+    assert 0 < result.expected.share < 1
+    first = Memory(most=whole.count - 3)
+    with pytest.raises(CutError):
+        solve("grid", problem, options, samples=1500, monitor=first)
+    second = Memory(first.state)
+    assert solve("grid", problem, options, samples=1500, monitor=second).expected == result.expected
+    assert [state["0.95"]["done"] for state in second.states] == draws[-3:]
+    # Draws around another point are none of this one's.
+    state = json.loads(first.state)
+    state["0.95"]["best"] = {"x": 0.123}
+    state["0.95"]["good"] = 0
+    assert solve("grid", problem, options, samples=1500, monitor=Memory(json.dumps(state))).expected == result.expected
 
 
 @pytest.mark.parametrize("after", [3, 7, 12])

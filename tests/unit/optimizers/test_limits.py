@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from optimizers.methods import minimize
-from optimizers.methods.grid import Grid
-from optimizers.problem import Goal, Sense, Uncertain, Variable
+from optimizers.problem import Uncertain, Variable
 from optimizers.search.limits import Limited
 from optimizers.search.result import Status, Unwatched
-from optimizers.solving.sharding import look_at, looked_at
 from optimizers.solving.solve import compare, solve
 from tests.unit.optimizers.oscillator import problem
 
@@ -82,22 +79,3 @@ def test_a_time_that_is_over_at_once_is_the_start_measured_and_proven() -> None:
 def test_structures_are_compared_as_far_as_the_time_went() -> None:
     found = compare("gradient", {"one": problem(), "two": problem()}, {}, seconds=1e-9)
     assert {result.status for result in found.results.values()} == {Status.BUDGET}
-
-
-def test_parts_of_a_grid_that_were_not_looked_at_are_told() -> None:
-    asked = problem(goals=(Goal(metric="bandwidth", source="force", target="x", sense=Sense.MAXIMIZE),))
-    options = {"points": 5}
-    seen = look_at(asked, options, (0, 3), monitor=Unwatched())
-    missed = look_at(asked, options, (3, 5), monitor=Limited(Unwatched(), 1e-9))
-    assert np.isnan(missed["violation"]).all()
-
-    class Found(Unwatched):
-        def keep(self, state) -> None: ...
-
-        def kept(self):
-            return looked_at([seen, missed])["0"]
-
-    resolved = Grid.resolve(options)
-    result = Grid().minimize(asked, resolved, rng=np.random.default_rng(0), monitor=Found())
-    assert result.status is Status.CANCELLED
-    assert "the map is incomplete" in result.advice

@@ -1,4 +1,4 @@
-"""Designs of experiments: combinations, levels, cells, and maps in parts."""
+"""Designs of experiments: combinations, levels, cells."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from optimizers.problem import Axis
-from optimizers.search.maps import Combinations, around, joined, places, sample
-from optimizers.search.result import GridMap
+from optimizers.search.maps import Combinations, around, places, sample
 
 CONTINUOUS = Axis(parameter="a", lower=0.0, upper=10.0, start=1.0, log=False)
 LEVELS = Axis(parameter="b", lower=1.0, upper=16.0, start=1.0, log=False, levels=(1.0, 2.0, 4.0, 8.0, 16.0))
@@ -39,15 +38,3 @@ def test_a_sample_is_even(kind) -> None:
     # Both put one point into each of 64 equal intervals of every coordinate.
     for column in points.T:
         assert sorted((column * 64).astype(int)) == list(range(64))
-
-
-def test_parts_of_a_map_are_joined_along_the_first_variable() -> None:
-    def part(first: list[float], second: list[float]) -> GridMap:
-        values = np.array(first)[:, None] + np.array(second)
-        return GridMap(axes={"a": np.array(first), "b": np.array(second)}, objective=values, violation=0 * values)
-
-    whole = joined([part([1.0, 2.0], [10.0, 20.0]), part([3.0], [10.0, 20.0])])
-    assert whole.axes["a"].tolist() == [1.0, 2.0, 3.0]
-    assert whole.objective.tolist() == [[11.0, 21.0], [12.0, 22.0], [13.0, 23.0]]
-    with pytest.raises(ValueError, match="share the axes b"):
-        joined([part([1.0], [10.0]), part([2.0], [11.0])])
