@@ -125,10 +125,12 @@ class _Scores:
             objective=np.full(count, np.nan), violation=np.full(count, np.nan), doubtful=np.zeros(count, dtype=bool)
         )
 
-    def document(self, evaluations: int) -> dict[str, Any]:
-        """Return the first look until here in plain texts."""
+    def document(self, tracker: Tracker) -> dict[str, Any]:
+        """Return the first look until here in plain texts, and which of the points were better than all before them."""
         columns = np.column_stack([self.objective, self.violation, self.doubtful])
-        return {"kind": Grid.kind, "evaluations": evaluations, "looked": packed(columns[: self.done])}
+        better = [point.evaluation - 1 for point in tracker.history]
+        count = tracker.evaluator.evaluations
+        return {"kind": Grid.kind, "evaluations": count, "looked": packed(columns[: self.done]), "better": better}
 
     def restore(self, document: Mapping[str, Any]) -> None:
         """Be what such texts tell."""
@@ -226,7 +228,7 @@ def _evaluate(
             scores.doubtful[here] = found.doubtful
             scores.done = here.stop
             if keeper is not None and scores.done <= _MOST_KEPT:
-                keeper.keep(scores.document(tracker.evaluator.evaluations))
+                keeper.keep(scores.document(tracker))
             tracker.monitor.progress(share[0] + share[1] * here.stop / total, f"{here.stop} of {total} points")
     if not tracker.evaluator.compiled:
         return
@@ -242,13 +244,9 @@ def _take_over(tracker: Tracker, design: Design, scores: _Scores, kept: Mapping[
     """Go on from where a run that was cut off was."""
     scores.restore(kept)
     tracker.evaluator.evaluations = int(kept["evaluations"])
-    looked = scores.order()
-    looked = looked[looked < scores.done]
-    sure = looked[~scores.doubtful[looked]]
-    if len(sure):
-        index = int(sure[0])
+    for index in kept["better"]:
         position = design.rows(index, index + 1)[0]
-        tracker.offer(position, float(scores.objective[index]), float(scores.violation[index]))
+        tracker.offer(position, float(scores.objective[index]), float(scores.violation[index]), index + 1)
 
 
 def _refine(tracker: Tracker, design: Design, order: Indices, rounds: int, cells: int) -> None:

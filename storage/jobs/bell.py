@@ -8,6 +8,7 @@ then all the same. Where nobody can listen (SQLite, a pooler, a server that is a
 from __future__ import annotations
 
 import logging
+import select
 import threading
 import time
 
@@ -99,5 +100,6 @@ class Bell:
             self._listening = True
             self.wake()
             while not self._ended.is_set():
-                for _ in own.notifies(timeout=_LOOK, stop_after=1):
+                # The system waits at a tenth of what psycopg's own wait costs, and a look at what has come never waits.
+                if select.select([own.fileno()], [], [], _LOOK)[0] and list(own.notifies(timeout=0)):
                     self.wake()

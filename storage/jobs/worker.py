@@ -221,7 +221,7 @@ class Worker:
             "serializer": SERIALIZER,
             "log_level": "WARNING",
             "run_migrations": False,
-            "use_listen_notify": not self._database.pooled,
+            "use_listen_notify": False,  # messages between workflows, of which ours send none: it looks for them a hundred times a second
         }
         engine_instance = DBOS(config=config)
         DBOS.listen_queues([QUEUE])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -23,6 +25,7 @@ from optimizers.search.result import Result
 from optimizers.solving.solve import solve
 from tests.integration.cluster.conftest import DaskCluster
 from tests.support.desk import wait_for
+from tests.support.patience import PATIENCE
 from tests.unit.optimizers.drive import fastest, pid_loop
 from tests.unit.optimizers.landscapes import landscape
 
@@ -127,6 +130,54 @@ def test_without_its_scheduler_a_search_goes_on_here(tmp_path) -> None:
             np.testing.assert_array_equal(getattr(again, name), getattr(alone, name))
     finally:
         own.close()
+
+
+FORWARD = """
+import asyncio, sys
+host, port = sys.argv[1:]
+async def pump(reader, writer):
+    while data := await reader.read(65536):
+        writer.write(data)
+        await writer.drain()
+async def both(reader, writer):
+    there_reader, there_writer = await asyncio.open_connection(host, int(port))
+    await asyncio.gather(pump(reader, there_writer), pump(there_reader, writer), return_exceptions=True)
+async def main():
+    server = await asyncio.start_server(both, "127.0.0.1", 0)
+    print(server.sockets[0].getsockname()[1], flush=True)
+    await server.serve_forever()
+asyncio.run(main())
+"""
+
+
+def test_a_network_that_is_cut_is_not_waited_for(cluster: DaskCluster) -> None:
+    """Nothing comes through any more, and nobody says so: what forwards every byte between here and the scheduler stands still."""
+    positions = np.random.default_rng(0).random((8 * 128, 2))
+    alone = Evaluator(VALLEYS).assess(positions)
+    host, _, port = cluster.address.removeprefix("tls://").partition(":")
+    network = subprocess.Popen([sys.executable, "-c", FORWARD, host, port], stdout=subprocess.PIPE, text=True)
+    try:
+        assert network.stdout is not None
+        address = f"tls://127.0.0.1:{int(network.stdout.readline())}"
+        workers = Cluster(address, security=cluster.files, adaptive=0, here=Processes(1))
+        with spread(workers, **EAGER, patience=PATIENCE) as made:
+            wait_for(lambda: (found := workers.open()) is not None and found.count > 0, "workers")
+            evaluator = Evaluator(VALLEYS)
+            evaluator.seconds_each = 1e-3
+            before = evaluator.assess(positions)
+            assert (made.sent, made.left) == (8, 0)
+            network.send_signal(signal.SIGSTOP)
+            made._patience = 1.0
+            evaluator.seconds_each = 1e-3
+            cut = evaluator.assess(positions)
+            assert (made.sent, made.left) == (8, 8)
+            assert workers.open() is None
+    finally:
+        network.kill()
+        network.wait()
+        network.stdout.close()  # type: ignore[union-attr] # it is a pipe
+    for found in (before, cut):
+        np.testing.assert_array_equal(found.values, alone.values)
 
 
 def test_a_scheduler_that_is_not_there_is_asked_once_and_not_waited_for(cluster: DaskCluster) -> None:

@@ -128,6 +128,9 @@ def test_a_grid_goes_on_where_it_was(problem, options) -> None:
     assert np.array_equal(resumed.map.violation, result.map.violation, equal_nan=True)
     assert resumed.best == result.best
     assert resumed.evaluations == result.evaluations
+    assert [replace(point, seconds=0.0) for point in resumed.history] == [
+        replace(point, seconds=0.0) for point in result.history
+    ]
     # What had been looked at is not looked at again.
     assert all(state["0"]["evaluations"] > looked["evaluations"] for state in second.states)
 
