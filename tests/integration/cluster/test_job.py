@@ -33,6 +33,14 @@ BODY = REQUEST | {
 }
 
 
+WORK = """
+import os, sys
+from servotune.main import main
+os.sched_setaffinity(0, {int(sys.argv[1])})
+sys.exit(main(["worker"]))
+"""
+
+
 @contextmanager
 def working(url: str, log: Path, cluster: DaskCluster | None) -> Iterator[subprocess.Popen[bytes]]:
     """Run `servotune worker`."""
@@ -44,12 +52,9 @@ def working(url: str, log: Path, cluster: DaskCluster | None) -> Iterator[subpro
             "SERVOTUNE_CLUSTER_CERT": cluster.files["tls_client_cert"],
             "SERVOTUNE_CLUSTER_KEY": cluster.files["tls_client_key"],
         }
-    command = [sys.executable, "-m", "servotune", "worker"]
+    command = [sys.executable, "-c", WORK, str(min(os.sched_getaffinity(0)))]
     with log.open("ab") as written:
-        one = min(os.sched_getaffinity(0))
-        process = subprocess.Popen(
-            command, env=environment, stdout=written, stderr=written, preexec_fn=lambda: os.sched_setaffinity(0, {one})
-        )
+        process = subprocess.Popen(command, env=environment, stdout=written, stderr=written)
     try:
         yield process
     finally:
