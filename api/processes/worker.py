@@ -154,9 +154,10 @@ def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Ma
 
 def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
     watch = _Watch(reporter, kept=job.state)
-    return identifications.run(
-        job.body, database=database, workspace=job.workspace_id, monitor=watch, seconds=job.seconds
-    )  # fmt: skip
+    with spread(workers_of(Settings(), processors=len(os.sched_getaffinity(0)))):
+        return identifications.run(
+            job.body, database=database, workspace=job.workspace_id, monitor=watch, seconds=job.seconds
+        )  # fmt: skip
 
 
 def _validation(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Candidates computed by other processes, of this machine or of a cluster, behind one seam: `concurrent.futures.Executor`.
+"""Candidates, or starts of a search, computed by other processes, of this machine or of a cluster, behind one seam: `concurrent.futures.Executor`.
 
     chunk = g ⌈min(CHUNK / t, B / w) / g⌉ candidates,   where B t > CALL and all calls before took SEARCH
 
@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +32,10 @@ from optimizers.evaluation.effort import elsewhere
 if TYPE_CHECKING:
     from optimizers.evaluation.evaluate import Evaluator
     from optimizers.problem import Problem
+    from optimizers.recorded.recording import Identification
 
 Matrix = npt.NDArray[np.float64]
+T = TypeVar("T")
 
 CHUNK: Final = 0.5
 """s of work of a chunk, long beside the milliseconds that its way takes."""
@@ -49,8 +51,8 @@ _ROUNDS: Final = 4
 _LOOK: Final = 0.1
 _SMALL: Final = 1 << 16
 """Bytes of a problem that goes with every chunk; a larger one is sent to those who ask for it."""
-_KNOWN: Final = 16
-"""Problems that a worker keeps."""
+_KNOWN: Final = 4
+"""Problems that a worker keeps: an identification brings its recordings."""
 
 _log = logging.getLogger(__name__)
 
@@ -113,7 +115,7 @@ class Parcel:
     content: bytes | None
 
     @staticmethod
-    def of(problem: Problem) -> Parcel:
+    def of(problem: Problem | Identification) -> Parcel:
         """Return a problem as it travels."""
         content = pickle.dumps(problem, protocol=pickle.HIGHEST_PROTOCOL)
         return Parcel(key=hashlib.sha256(content).hexdigest(), content=content)
@@ -162,8 +164,16 @@ class Spread:
             self._spent += taken
             evaluator.seconds_each = taken / max(len(positions), 1)
             return found
-        parts = self._gathered(evaluator, [positions[rows] for rows in chunks], workers, roughly=roughly)
-        found = joined(parts)
+        tasks = [(positions[rows], roughly, evaluator.frame) for rows in chunks]
+
+        def here(part: Matrix, roughly: bool, frame: int | None) -> Values:  # noqa: FBT001 - as it is sent
+            begun = time.perf_counter()
+            return replace(evaluator.values(part, roughly=roughly, frame=frame), seconds=time.perf_counter() - begun)
+
+        expected = len(tasks[0][0]) * (evaluator.seconds_each or 0.0)
+        found = joined(
+            list(self._each(evaluator.parcel, evaluated, tasks, here=here, workers=workers, expected=expected))
+        )
         self._spent += found.seconds
         evaluator.seconds_each = found.seconds / len(positions)
         elsewhere(found.cpu_seconds)
@@ -189,45 +199,87 @@ class Spread:
         chunks = [slice(first, min(first + size, count)) for first in range(0, count, size)]
         return (chunks, workers) if len(chunks) > 1 else ([], None)
 
-    def _gathered(self, evaluator: Evaluator, chunks: list[Matrix], workers: Workers, *, roughly: bool) -> list[Values]:
-        """Return what is found of each chunk, in their order."""
-        parcel = evaluator.parcel
-        found: dict[int, Values] = {}
+    def each(
+        self,
+        parcel: Parcel,
+        work: Callable[..., T | None],
+        tasks: Sequence[Any],
+        *,
+        here: Callable[..., T],
+        seconds: float,
+    ) -> Iterator[T] | None:
+        """Return what becomes of tasks of so many seconds each, one after the other; None where they had better stay here.
 
-        def send(number: int, problem: Parcel) -> Future[Values | None]:
-            return workers.executor.submit(evaluated, problem, chunks[number], roughly=roughly, frame=evaluator.frame)
+        Parameters
+        ----------
+        parcel : Parcel
+            What all of them are about.
+        work : callable
+            Is called elsewhere, with the parcel and the task's arguments; None where it does not know what the parcel holds.
+        tasks : sequence of tuple
+            Arguments.
+        here : callable
+            Does the same here, for those that do not come back.
+        seconds : float
+            As long as one took here, s.
+        """
+        self._spent += seconds
+        work_left = len(tasks) * seconds
+        if len(tasks) < 2 or work_left <= self._call or self._spent + work_left <= self._search:
+            return None
+        workers = self._provider.open()
+        if workers is None:
+            return None
+        return self._each(parcel, work, tasks, here=here, workers=workers, expected=seconds)
 
-        pending: dict[Future[Values | None], int] = {}
+    def _each(
+        self,
+        parcel: Parcel,
+        work: Callable[..., T | None],
+        tasks: Sequence[Any],
+        *,
+        here: Callable[..., T],
+        workers: Workers,
+        expected: float,
+    ) -> Iterator[T]:
+        found: dict[int, T] = {}
+        pending: dict[Future[T | None], int] = {}
+        number = 0
+
+        def send(number: int, problem: Parcel) -> Future[T | None]:
+            return workers.executor.submit(work, problem, *tasks[number])
+
         try:
-            for number in range(len(chunks)):
-                pending[send(number, parcel.light)] = number
-            expected = len(chunks[0]) * (evaluator.seconds_each or 0.0)
-            self._wait(pending, found, again=lambda number: send(number, parcel), expected=expected)
+            for index in range(len(tasks)):
+                pending[send(index, parcel.light)] = index
+            for _ in self._answers(pending, found, again=lambda index: send(index, parcel), expected=expected):
+                while number in found:
+                    yield found[number]
+                    number += 1
         except (OSError, RuntimeError) as error:  # whoever was asked is there no more
             _log.warning("chunks cannot be sent: %s", error)
         finally:
             for future in pending:
                 future.cancel()
-        missing = [number for number in range(len(chunks)) if number not in found]
-        self.sent, self.left = self.sent + len(found), self.left + len(missing)
+            self.sent += len(found)
+        missing = len(tasks) - len(found)
         if missing:
-            _log.warning("%d of %d chunks did not come back: they are computed here", len(missing), len(chunks))
+            _log.warning("%d of %d chunks did not come back: they are computed here", missing, len(tasks))
+            self.left += missing
             self._provider.lost()
-        for number in missing:
-            look()
-            begun = time.perf_counter()
-            here = evaluator.values(chunks[number], roughly=roughly, frame=evaluator.frame)
-            found[number] = replace(here, seconds=time.perf_counter() - begun)
-        return [found[number] for number in range(len(chunks))]
+        for index in range(number, len(tasks)):
+            if index not in found:
+                look()
+            yield found[index] if index in found else here(*tasks[index])
 
-    def _wait(
+    def _answers(
         self,
-        pending: dict[Future[Values | None], int],
-        found: dict[int, Values],
+        pending: dict[Future[T | None], int],
+        found: dict[int, T],
         *,
-        again: Callable[[int], Future[Values | None]],
+        again: Callable[[int], Future[T | None]],
         expected: float,
-    ) -> None:
+    ) -> Iterator[None]:
         """Wait for answers until all are there, or none comes any more; ask whether to go on meanwhile."""
         last = time.monotonic()
         while pending and time.monotonic() - last <= max(self._patience, _SLOWER * expected):
@@ -245,6 +297,7 @@ class Spread:
                     pending[again(number)] = number
                 else:
                     found[number] = answer
+            yield
 
 
 _CURRENT: ContextVar[Spread | None] = ContextVar("spread", default=None)
@@ -276,28 +329,34 @@ def spread(provider: Provider, **seconds: float) -> Iterator[Spread]:
         provider.close()
 
 
-# One evaluator is no matter of several threads, and compiled once.
+# What is made of a problem is no matter of several threads, and made once.
 _ONE = threading.Lock()
 
 
 @lru_cache(maxsize=_KNOWN)
-def _evaluators(key: str) -> list[Evaluator]:
-    """Return where the evaluator of a problem is kept."""
+def _kept(key: str) -> list[Any]:
+    """Return where what was made of a problem is kept."""
     del key
     return []
 
 
-def evaluated(problem: Parcel, positions: Matrix, *, roughly: bool, frame: int | None) -> Values | None:
+@contextmanager
+def known(problem: Parcel, make: Callable[[Any], T]) -> Iterator[T | None]:
+    """Give a worker what ``make`` has made of a problem; None where it is not known here and did not come along."""
+    with _ONE:
+        kept = _kept(problem.key)
+        if not kept and problem.content is not None:
+            kept.append(make(pickle.loads(problem.content)))  # noqa: S301 - from our own process, in a private network
+        yield kept[0] if kept else None
+
+
+def evaluated(problem: Parcel, positions: Matrix, roughly: bool, frame: int | None) -> Values | None:  # noqa: FBT001 - as it is sent
     """Return what is found of a chunk, in a worker; None where the problem is not known here and did not come along."""
     from optimizers.evaluation.evaluate import Evaluator  # noqa: PLC0415 - each of the two modules needs the other
 
-    with _ONE:
-        kept = _evaluators(problem.key)
-        if not kept:
-            if problem.content is None:
-                return None
-            made: Any = pickle.loads(problem.content)  # noqa: S301 - from our own process, in a private network
-            kept.append(Evaluator(made, threads=1))
+    with known(problem, lambda made: Evaluator(made, threads=1)) as evaluator:
+        if evaluator is None:
+            return None
         begun, cpu = time.perf_counter(), time.process_time()
-        found = kept[0].values(positions, roughly=roughly, frame=frame)
+        found = evaluator.values(positions, roughly=roughly, frame=frame)
         return replace(found, seconds=time.perf_counter() - begun, cpu_seconds=time.process_time() - cpu)

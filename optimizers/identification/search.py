@@ -97,7 +97,7 @@ class Search:
     def errors(self, x: Samples) -> tuple[Samples, Samples]:
         """Return residuals and Jacobian at the coordinates ``x``, infinite where the model has no usable response."""
         self._searching = True
-        self._check()
+        self.check()
         self.evaluations += 1
         found = self._each(lambda place: self._errors(place, x), range(len(self._estimating)))
         size = self.samples
@@ -168,7 +168,7 @@ class Search:
             self._weights = weights
 
     def _errors(self, place: int, x: Samples) -> Errors | None:
-        self._check()
+        self.check()
         part, states = self._estimating[place], x[self._states[place]]
         unknowns = self.problem.unknowns
         slope = np.array([u.slope(float(c)) for u, c in zip(unknowns, x, strict=False)] + [1.0] * states.size)
@@ -183,13 +183,25 @@ class Search:
     def _clock(self) -> float:
         """Return the time (s); a response of the search that takes long is ended here when the monitor wants it."""
         if self._searching:
-            self._check()
+            self.check()
         return time.monotonic()
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """End the search where the monitor wants it.
+
+        Raises
+        ------
+        CancelledError
+        """
         with self._lock:
             if self.monitor.cancelled():
                 raise CancelledError
+
+    def took(self, evaluations: int, found: Minimum | None) -> None:
+        """Take note of what somebody else has found from a start."""
+        self.evaluations += evaluations
+        if found is not None:
+            self._report(found)
 
     def _report(self, here: Minimum) -> None:
         budget = self.problem.starts * self.problem.max_evaluations

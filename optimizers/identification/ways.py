@@ -5,7 +5,9 @@ The first search is the whole one. The others begin where it came to rest, since
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextvars import Context
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
@@ -13,6 +15,8 @@ import numpy as np
 
 from engine.model.between_samples import BetweenSamples
 from engine.model.between_samples import tried as every_way
+from engine.model.interruption import interruptible
+from optimizers.evaluation.spreading import Parcel, current, known
 from optimizers.identification.answers import Samples
 from optimizers.identification.search import CancelledError, Search
 from optimizers.identification.starts import first_start, further_starts, promising_starts
@@ -20,7 +24,7 @@ from optimizers.identification.words import at_bounds
 from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
 from optimizers.recorded.recording import Identification
 from optimizers.search.limits import Limited
-from optimizers.search.result import Keeper, Monitor, Status, kept_by
+from optimizers.search.result import Keeper, Monitor, Status, Unwatched, kept_by
 
 LEAST_GAIN: Final = 1e-7
 """A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
@@ -120,14 +124,61 @@ def _again(way: BetweenSamples | None, search: Search, done: Mapping[str, Any]) 
     return Tried(way=way, search=search, found=found, status=_ended(found))
 
 
+def _bounds(search: Search) -> tuple[Samples, Samples]:
+    """Return the bounds of all coordinates; initial states have none."""
+    unknowns = search.problem.unknowns
+    free = np.full(search.coordinates - search.parameters, np.inf)
+    lower = np.append([u.coordinate(u.lower) for u in unknowns], -free)
+    return lower, np.append([u.coordinate(u.upper) for u in unknowns], free)
+
+
+def followed(problem: Parcel, start: Samples, most: int) -> tuple[Minimum | None, int] | None:
+    """Return the minimum from a start and how many evaluations it took, in a worker; None where it does not know the problem."""
+    with known(problem, lambda made: Search(made, Unwatched())) as search:
+        return None if search is None else _followed(search, start, most)
+
+
+def _followed(search: Search, start: Samples, most: int) -> tuple[Minimum | None, int]:
+    before, (lower, upper) = search.evaluations, _bounds(search)
+    found = minimize_squares(
+        search.errors, start[None], lower=lower, upper=upper, max_evaluations=most, least_gain=LEAST_GAIN
+    )
+    return found, search.evaluations - before
+
+
+def _followed_elsewhere(search: Search, most: int) -> Callable[[Samples], Iterator[Minimum | None] | None]:
+    """Return what asks others for the minima from starts, once the first start has been followed here."""
+    begun = time.perf_counter()
+
+    def here(start: Samples, most: int) -> tuple[Minimum | None, int]:
+        return _followed(search, start, most)[0], 0  # which this search has counted
+
+    def others(starts: Samples) -> Iterator[Minimum | None] | None:
+        seconds, spread = time.perf_counter() - begun, current()
+        if spread is None:
+            return None
+        tasks = [(start, most) for start in starts]
+        found = spread.each(Parcel.of(search.problem), followed, tasks, here=here, seconds=seconds)
+        return None if found is None else told(found)
+
+    def told(found: Iterator[tuple[Minimum | None, int]]) -> Iterator[Minimum | None]:
+        while True:
+            # Whoever counts how long evaluations take is not to take the wait for one.
+            with interruptible(lambda: Context().run(search.check)):
+                minimum, evaluations = next(found, (None, -1))
+            if evaluations < 0:
+                return
+            search.took(evaluations, minimum)
+            yield minimum
+
+    return others
+
+
 def _searched(
     search: Search, starts: Samples, reached: Reached | None, done: list[dict[str, Any]]
 ) -> tuple[Minimum | None, Status]:
     """Return the best minimum and how the search ended."""
-    unknowns, monitor = search.problem.unknowns, search.monitor
-    free = np.full(search.coordinates - search.parameters, np.inf)
-    lower = np.append([u.coordinate(u.lower) for u in unknowns], -free)
-    upper = np.append([u.coordinate(u.upper) for u in unknowns], free)
+    monitor, (lower, upper) = search.monitor, _bounds(search)
     most = search.problem.max_evaluations if not done else min(search.problem.max_evaluations, _FROM_REST)
     keeper = monitor if isinstance(monitor, Keeper) else None
 
@@ -146,6 +197,7 @@ def _searched(
                 least_gain=LEAST_GAIN,
                 reached=reached,
                 tell=tell,
+                others=_followed_elsewhere(search, most),
             )
             # the other ways begin where this one came to rest
             if found is not None and not done and _is_doubtful(search, found):

@@ -8,7 +8,7 @@ taken back by the trust region. The best of the local minima counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,6 +66,7 @@ def minimize_squares(
     least_gain: float = 1e-9,
     reached: Reached | None = None,
     tell: Callable[[Reached], None] | None = None,
+    others: Callable[[Vector], Iterator[Minimum | None] | None] = lambda _: None,
 ) -> Minimum | None:
     """Return the best local minimum of the sum of squares, None when the residuals exist at no start.
 
@@ -85,6 +86,8 @@ def minimize_squares(
         Where an earlier run of the same search was cut off.
     tell : callable, optional
         Is told how far the search is, whenever it got further.
+    others : callable, optional
+        Is asked, when the first start has been followed, for the minima of those that are left; None to follow them here.
 
     References
     ----------
@@ -98,12 +101,18 @@ def minimize_squares(
         residuals, jacobian = evaluate(x)
         best = Minimum(x=x, residuals=residuals, jacobian=jacobian, converged=now.converged, evaluations=1)
 
-    for number in range(now.start, len(starts)):
-        begin, spent = starts[number], 0
-        if number == now.start and now.here is not None:
-            begin, spent = np.array(now.here), min(now.spent, max_evaluations - 1)
-        note = _Note(replace(now, start=number), spent, tell)
-        minimum = _local(evaluate, begin, lower, upper, max_evaluations - spent, least_gain=least_gain, note=note)
+    first, minima = now.start, None
+    for number in range(first, len(starts)):
+        if number == first + 1:
+            minima = others(starts[number:])
+        if minima is None:
+            begin, spent = starts[number], 0
+            if number == first and now.here is not None:
+                begin, spent = np.array(now.here), min(now.spent, max_evaluations - 1)
+            note = _Note(replace(now, start=number), spent, tell)
+            minimum = _local(evaluate, begin, lower, upper, max_evaluations - spent, least_gain=least_gain, note=note)
+        else:
+            minimum = next(minima)
         if minimum is not None and (best is None or minimum.cost < best.cost):
             best = minimum
         found = None if best is None else tuple(best.x.tolist())

@@ -20,6 +20,7 @@ from optimizers.evaluation import spreading
 from optimizers.evaluation.evaluate import Evaluator
 from optimizers.evaluation.processes import Processes
 from optimizers.evaluation.spreading import Spread, spread
+from optimizers.identification import identify
 from optimizers.problem import Problem, Uncertain
 from optimizers.search.result import Result
 from optimizers.solving.solve import solve
@@ -28,6 +29,7 @@ from tests.support.desk import wait_for
 from tests.support.patience import PATIENCE
 from tests.unit.optimizers.drive import fastest, pid_loop
 from tests.unit.optimizers.landscapes import landscape
+from tests.unit.optimizers.test_kept_states import DELAYED
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
 
@@ -89,6 +91,16 @@ def test_a_search_finds_the_same_to_the_bit(cluster: DaskCluster, kind: str, pro
     assert made.sent > 0
     assert made.left == 0
     assert plain(together) == plain(alone)
+
+
+def test_starts_of_an_identification_end_at_the_same(cluster: DaskCluster) -> None:
+    alone = identify(DELAYED, rng=np.random.default_rng(0))
+    with over(cluster) as (made, _):
+        together = identify(DELAYED, rng=np.random.default_rng(0))
+    assert (made.sent, made.left) == (DELAYED.starts - 1, 0)
+    # A response remembers how long the one before took to settle: that much, rounding, depends on who follows a start.
+    found, wanted = together.parameters["transport.time"].value, alone.parameters["transport.time"].value
+    assert found == pytest.approx(wanted, rel=1e-12)
 
 
 def test_a_killed_and_a_frozen_worker_change_nothing(cluster: DaskCluster) -> None:

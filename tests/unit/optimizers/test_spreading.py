@@ -16,12 +16,14 @@ import pytest
 from engine.model.interruption import interruptible
 from optimizers.evaluation.evaluate import Assessment, Evaluator, Matrix
 from optimizers.evaluation.spreading import Provider, Workers, spread
+from optimizers.identification import identify
 from optimizers.search.blocks import in_blocks
-from optimizers.search.result import Unwatched
+from optimizers.search.result import Status, Unwatched
 from optimizers.search.search import Tracker
 from optimizers.solving.solve import solve
 from tests.unit.optimizers.drive import fastest, pd2_loop, pid_loop
 from tests.unit.optimizers.landscapes import landscape
+from tests.unit.optimizers.test_kept_states import DELAYED, Memory
 
 BOWL = landscape({"f": "1 + x*x + y*y"}, {"x": (-2.0, 2.0), "y": (-2.0, 2.0)}, minimise=["f"])
 LATE = fastest(pd2_loop(), "kp", "kd1")
@@ -155,6 +157,44 @@ def test_a_cancel_is_heard_while_others_compute() -> None:
             assessed(made, BOWL, np.zeros((2 * 128, 2)))
     finally:
         silent.set()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_starts_of_an_identification_are_followed_by_others(fails: bool) -> None:
+    turns = iter(range(100))
+
+    def maybe_fail() -> None:
+        if fails and next(turns) % 2:
+            raise MemoryError
+
+    alone = identify(DELAYED, rng=np.random.default_rng(0))
+    made, watch = Own(2, maybe_fail), Memory()
+    with spread(made, **EAGER) as over:
+        together = identify(DELAYED, rng=np.random.default_rng(0), monitor=watch)
+    assert (over.sent, over.left) == ((3, 2) if fails else (5, 0))
+    # A response remembers how long the one before took to settle: that much, rounding, depends on who follows a start.
+    found, wanted = together.parameters["transport.time"].value, alone.parameters["transport.time"].value
+    assert found == pytest.approx(wanted, rel=1e-12)
+    assert together.evaluations == pytest.approx(alone.evaluations, abs=2)
+    assert together.status == alone.status
+    # One start after the other is done, whoever was first.
+    assert [state["start"] for state in watch.states if state["here"] is None] == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_cancel_is_heard_while_others_follow_starts() -> None:
+    silent = threading.Event()
+
+    class Cancelled(Memory):
+        def cancelled(self) -> bool:
+            return made.submitted > 0
+
+    made = Own(1, lambda: silent.wait() and None)
+    try:
+        with spread(made, **EAGER):
+            found = identify(DELAYED, rng=np.random.default_rng(0), monitor=Cancelled())
+    finally:
+        silent.set()
+    assert found.status is Status.CANCELLED
 
 
 PROCESSES = """
