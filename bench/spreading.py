@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import logging
 import time
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, wait
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,14 @@ def measured(slow: Slow, chunks: int) -> float:
         return time.perf_counter() - begun
 
 
+def handed_out(client: Client, tasks: int) -> float:
+    """Return how many tasks that do nothing the scheduler hands out, and hears the end of, in a second."""
+    executor = client.get_executor(pure=False)
+    begun = time.perf_counter()
+    wait([executor.submit(int) for _ in range(tasks)])
+    return tasks / (time.perf_counter() - begun)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser()
@@ -99,6 +107,7 @@ def main() -> None:
             print(f"{given.chunks} chunks on {given.workers} workers, {name}: {took:.2f} s", end="")
             alone = given.chunks * latency
             print(f", {alone / took:.2f} x one worker" if latency else f", {1e3 * took / given.chunks:.1f} ms a chunk")
+        print(f"tasks that do nothing: {max(handed_out(client, 3000) for _ in range(3)):.0f}/s through the scheduler")
 
 
 if __name__ == "__main__":

@@ -57,12 +57,6 @@ class Effort:
             for stage, spent in self.stages.items()
         }
 
-    def add(self, spent: Mapping[str, Mapping[str, float]]) -> None:
-        """Add what was spent elsewhere, as :meth:`spent` tells it."""
-        for stage, times in spent.items():
-            self.stages[Stage(stage)].seconds += times["seconds"]
-            self.stages[Stage(stage)].cpu_seconds += times["cpu_seconds"]
-
     def turn(self, stage: Stage) -> Stage:
         """Count from now on for another stage; return which it was until now."""
         wall, cpu = time.perf_counter(), time.process_time()

@@ -1,6 +1,6 @@
 """Candidates, or starts of a search, computed by other processes, of this machine or of a cluster, behind one seam: `concurrent.futures.Executor`.
 
-    chunk = g ⌈min(CHUNK / t, B / w) / g⌉ candidates,   where B t > CALL and all calls before took SEARCH
+    chunk = g ⌈min(CHUNK max(1, w / SERVED) / t, B / w) / g⌉ candidates,   where B t > CALL and all calls before took SEARCH
 
 for B candidates of t s each, as measured, and w workers; g is how many of them are neighbours (`Evaluator.together`), so that a
 candidate has the same number to the bit wherever it is cut. What does not come back, for whatever reason, is computed here: who
@@ -39,6 +39,8 @@ T = TypeVar("T")
 
 CHUNK: Final = 0.5
 """s of work of a chunk, long beside the milliseconds that its way takes."""
+SERVED: Final = 100
+"""Workers that a scheduler can serve with such chunks, 200 in a second; for more of them chunks are longer."""
 CALL: Final = 0.25
 """s of work of a call below which it stays in this process."""
 SEARCH: Final = 2.0
@@ -194,7 +196,8 @@ class Spread:
         workers = self._provider.open()
         if workers is None or (workers.threaded and evaluator.batched):
             return [], None
-        size = min(self._chunk / each, count / workers.count) / evaluator.together
+        chunk = self._chunk * max(1.0, workers.count / SERVED)
+        size = min(chunk / each, count / workers.count) / evaluator.together
         size = evaluator.together * max(1, int(np.ceil(size)))
         chunks = [slice(first, min(first + size, count)) for first in range(0, count, size)]
         return (chunks, workers) if len(chunks) > 1 else ([], None)

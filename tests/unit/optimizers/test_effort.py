@@ -33,8 +33,6 @@ def test_a_stage_inside_another_one_does_not_count_for_that(clock) -> None:
     }  # fmt: skip
     assert seconds_of(found.spent()) == 8.0
     assert sum(spent["cpu_seconds"] for spent in found.spent().values()) == 16.0
-    found.add({"screening": {"seconds": 1.0, "cpu_seconds": 1.0}})
-    assert seconds_of(found.spent()) == 9.0
 
 
 def test_a_result_tells_the_time_of_everything_that_led_to_it() -> None:

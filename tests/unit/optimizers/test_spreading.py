@@ -95,6 +95,18 @@ def test_eight_workers_compute_at_the_same_time() -> None:
     assert same(found, Evaluator(BOWL).assess(positions))
 
 
+def test_chunks_are_longer_where_more_workers_have_to_be_served() -> None:
+    made = Own(2)
+    for count, seconds in ((2, 0.5), (100, 0.5), (1000, 5.0)):
+        made.count = count
+        with spread(made, search=0.0) as over:
+            evaluator = Evaluator(BOWL)
+            evaluator.seconds_each = 1e-3
+            call = over.fitting(evaluator, 10**8)
+        assert call is not None
+        assert call / (4 * count) * 1e-3 == pytest.approx(seconds, abs=0.128)
+
+
 def test_a_small_search_never_leaves_the_process() -> None:
     made = Own(2)
     with spread(made) as over:
