@@ -23,6 +23,8 @@ COUNTED: Final = 5.0
 """s for which the number of workers is taken as it was."""
 AGAIN: Final = 60.0
 """s after which one is asked again that did not."""
+EXPECTED_AGAIN: Final = 600.0
+"""s for which no workers are counted on that are to come, once none came."""
 
 _log = logging.getLogger("servotune.cluster")
 
@@ -45,7 +47,7 @@ class Cluster:
     def __init__(self, address: str, *, security: dict[str, str], adaptive: int, here: Provider) -> None:
         self._address, self._security, self._adaptive, self._here = address, security, adaptive, here
         self._client: Any = None
-        self._not_before = self._counted_until = 0.0
+        self._not_before = self._counted_until = self._expected_from = 0.0
         self._threads = 0
 
     def open(self) -> Workers | None:
@@ -54,7 +56,7 @@ class Cluster:
             self._connect()
         if self._client is not None and time.monotonic() >= self._counted_until:
             self._count()
-        count = max(self._threads, self._adaptive)
+        count = max(self._threads, self._adaptive if time.monotonic() >= self._expected_from else 0)
         if self._client is None or not count:
             return self._here.open()
         return Workers(executor=self._client.get_executor(pure=False, retries=2), count=count, threaded=False)
@@ -65,6 +67,8 @@ class Cluster:
             self._here.lost()
             return
         self._count()
+        if not self._threads:
+            self._expected_from = time.monotonic() + EXPECTED_AGAIN
 
     def close(self) -> None:
         """Leave the cluster, and end what computes here."""

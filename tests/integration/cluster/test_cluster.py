@@ -199,6 +199,25 @@ def test_a_scheduler_that_is_not_there_is_asked_once_and_not_waited_for(cluster:
     workers.close()
 
 
+def test_workers_that_are_to_come_and_do_not_are_waited_for_once(tmp_path) -> None:
+    own = DaskCluster(tmp_path)
+    workers = Cluster(own.address, security=own.files, adaptive=4, here=Processes(1))
+    positions = np.random.default_rng(0).random((4 * 128, 2))
+    alone = Evaluator(VALLEYS).assess(positions)
+    try:
+        with spread(workers, **EAGER, patience=0.5) as made:
+            evaluator = Evaluator(VALLEYS)
+            evaluator.seconds_each = 1e-3
+            found = evaluator.assess(positions)
+            assert (made.sent, made.left) == (0, 4)
+            assert workers.open() is None
+            own.work()
+            wait_for(lambda: (workers._count(), workers.open())[1] is not None, "one that comes later")
+    finally:
+        own.close()
+    np.testing.assert_array_equal(found.values, alone.values)
+
+
 def test_a_large_problem_is_sent_to_those_who_do_not_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spreading, "_SMALL", 0)
     positions = np.random.default_rng(0).random((3 * 128, 2))
