@@ -75,7 +75,7 @@ class Election:
         return self.won
 
     def _look(self) -> bool:
-        with self._database.session() as session:
+        with self._database.one_by_one() as session:  # what is written names what was read
             now = self._clock()
             row = session.execute(
                 select(Elected.holder, Elected.process, Elected.beats).where(Elected.role == self._role)

@@ -204,27 +204,28 @@ class Spread:
 
     def each(
         self,
-        parcel: Parcel,
+        problem: Problem | Identification,
         work: Callable[..., T | None],
         tasks: Sequence[Any],
         *,
         here: Callable[..., T],
         seconds: float,
+        longest: float,
     ) -> Iterator[T] | None:
         """Return what becomes of tasks of so many seconds each, one after the other; None where they had better stay here.
 
         Parameters
         ----------
-        parcel : Parcel
+        problem : Problem or Identification
             What all of them are about.
         work : callable
-            Is called elsewhere, with the parcel and the task's arguments; None where it does not know what the parcel holds.
+            Is called elsewhere, with the problem as a parcel and the task's arguments; None where it does not know the problem.
         tasks : sequence of tuple
             Arguments.
         here : callable
             Does the same here, for those that do not come back.
-        seconds : float
-            As long as one took here, s.
+        seconds, longest : float
+            As long as one took here, and as long as one may take, s.
         """
         self._spent += seconds
         work_left = len(tasks) * seconds
@@ -233,7 +234,7 @@ class Spread:
         workers = self._provider.open()
         if workers is None:
             return None
-        return self._each(parcel, work, tasks, here=here, workers=workers, expected=seconds)
+        return self._each(Parcel.of(problem), work, tasks, here=here, workers=workers, expected=longest)
 
     def _each(
         self,

@@ -148,7 +148,7 @@ def _followed(search: Search, start: Samples, most: int) -> tuple[Minimum | None
 
 def _followed_elsewhere(search: Search, most: int) -> Callable[[Samples], Iterator[Minimum | None] | None]:
     """Return what asks others for the minima from starts, once the first start has been followed here."""
-    begun = time.perf_counter()
+    begun, before = time.perf_counter(), search.evaluations
 
     def here(start: Samples, most: int) -> tuple[Minimum | None, int]:
         return _followed(search, start, most)[0], 0  # which this search has counted
@@ -158,7 +158,8 @@ def _followed_elsewhere(search: Search, most: int) -> Callable[[Samples], Iterat
         if spread is None:
             return None
         tasks = [(start, most) for start in starts]
-        found = spread.each(Parcel.of(search.problem), followed, tasks, here=here, seconds=seconds)
+        longest = seconds / max(search.evaluations - before, 1) * most
+        found = spread.each(search.problem, followed, tasks, here=here, seconds=seconds, longest=longest)
         return None if found is None else told(found)
 
     def told(found: Iterator[tuple[Minimum | None, int]]) -> Iterator[Minimum | None]:

@@ -134,7 +134,7 @@ class Keeper:
         gone = any(processes.alive(process) is False for process in self._neighbours)
         if not (self.elected() or gone or self._watched % _SELDOM == 1):
             return
-        with self._database.session() as session:
+        with self._database.one_by_one() as session:
             workers = WorkerRepository(session).heartbeats()
         dead = self._pulse.dead(workers)
         self._neighbours = [worker.process for worker in workers if processes.alive(worker.process)]
@@ -155,7 +155,7 @@ class Keeper:
         sleep = self._asleep()
         if sleep is not None and sleep == self._without_claims:
             return
-        with self._database.session() as session:
+        with self._database.one_by_one() as session:
             claimed = requeue.claimed(session, self._worker)
         self._without_claims = None if claimed else sleep
         forgotten = self._claims.forgotten(claimed, in_hand=self._supervisor.in_hand)
@@ -168,7 +168,7 @@ class Keeper:
             _log.warning("job %s was claimed and never begun, and is in the queue again", job.id)
 
     def _reconcile(self) -> None:
-        with self._database.session() as session:
+        with self._database.one_by_one() as session:
             strangers = requeue.strangers(session)
         recover(strangers)
         with self._database.session() as session:
