@@ -22,6 +22,7 @@ from optimizers.solving.solve import solve
 from tests.integration.cluster.conftest import ROOT, certificate
 from tests.integration.cluster.test_cluster import EAGER, VALLEYS, plain
 from tests.support.desk import wait_for
+from tests.support.patience import PATIENCE
 
 PATH = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin"])
 NEEDED = ("munged", "slurmctld", "slurmd", "sbatch", "sinfo")
@@ -35,7 +36,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
 
-#: One node, this machine, with nothing that would need a system around it.
+#: One node of one processor, this machine, with nothing that would need a system around it.
 CONFIGURATION = """
 ClusterName=one
 SlurmctldHost={host}(127.0.0.1)
@@ -56,7 +57,7 @@ SlurmdSpoolDir={folder}/spool
 StateSaveLocation={folder}/state
 SlurmctldLogFile={folder}/slurmctld.log
 SlurmdLogFile={folder}/slurmd.log
-NodeName={host} NodeAddr=127.0.0.1 CPUs={processors} State=UNKNOWN
+NodeName={host} NodeAddr=127.0.0.1 CPUs=1 State=UNKNOWN
 PartitionName=all Nodes={host} Default=YES State=UP
 """
 
@@ -80,8 +81,7 @@ def slurm(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPa
     controller, daemon = free_ports(2)
     (folder / "slurm.conf").write_text(
         CONFIGURATION.format(
-            host=socket.gethostname().partition(".")[0], folder=folder, controller=controller, daemon=daemon,
-            processors=os.cpu_count(),
+            host=socket.gethostname().partition(".")[0], folder=folder, controller=controller, daemon=daemon
         )
     )  # fmt: skip
     monkeypatch.setenv("SLURM_CONF", str(folder / "slurm.conf"))
@@ -122,7 +122,7 @@ def test_workers_come_from_the_queue_when_a_search_asks_for_them(slurm: Path) ->
     asked = SLURMCluster(
         cores=1, memory="1GB", processes=1, walltime="00:10:00", protocol="tls",
         security=Security(require_encryption=True, **files, **both),
-        scheduler_options={"host": "127.0.0.1", "port": 0, "dashboard_address": None},
+        scheduler_options={"host": "127.0.0.1", "port": 0, "dashboard_address": "127.0.0.1:0"},
         python=sys.executable, job_script_prologue=[f"export PYTHONPATH={ROOT}"], job_directives_skip=["--mem"],
         log_directory=str(slurm), local_directory=str(slurm),
     )  # fmt: skip
@@ -132,7 +132,7 @@ def test_workers_come_from_the_queue_when_a_search_asks_for_them(slurm: Path) ->
         asked.adapt(minimum=0, maximum=2)
         assert told("squeue", "-h") == ""
         workers = Cluster(asked.scheduler_address, security=files, adaptive=2, here=Processes(1))
-        with spread(workers, **EAGER) as over:
+        with spread(workers, **EAGER, patience=PATIENCE) as over:
             together = solve("grid", VALLEYS, options)
         assert over.sent > 0
         assert over.left == 0
