@@ -76,7 +76,7 @@ def at_rest(url: str, *, workers: int) -> str:
     """Return the line of workers that have nothing to do."""
     rest = resting(url, workers=workers, seconds=30.0)
     return (
-        f"postgres: {workers} workers at rest: {rest.cores:.3f} cores of the database, "
+        f"postgres: {workers} workers at rest: {rest.cores:.3f} cores of the database, {rest.own:.3f} of each, "
         f"{rest.transactions:.1f} transactions a second and {rest.connections:.1f} connections of each"
     )
 

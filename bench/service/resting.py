@@ -1,4 +1,4 @@
-"""What workers that have nothing to do cost the database: processor time of Postgres, transactions and connections."""
+"""What workers that have nothing to do cost: processor time of Postgres and of their own, transactions and connections."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ _TICK = os.sysconf("SC_CLK_TCK")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rest:
-    """What was seen: cores that Postgres is busy with, and transactions in a second and connections of each worker."""
+    """What was seen: cores that Postgres is busy with, those of each worker, its transactions in a second and connections."""
 
     cores: float
+    own: float
     transactions: float
     connections: float
 
@@ -30,11 +31,13 @@ def resting(url: str, *, workers: int, seconds: float) -> Rest:
     try:
         with working(desk, url, workers):
             time.sleep(20.0)  # in which the last one has done what a worker does once
-            begun, spent, counted = time.perf_counter(), _spent(), _counted(desk)
+            begun, counted = time.perf_counter(), _counted(desk)
+            spent, own = _spent("postgres"), _spent("python")
             time.sleep(seconds)
             took = time.perf_counter() - begun
             return Rest(
-                cores=(_spent() - spent) / took,
+                cores=(_spent("postgres") - spent) / took,
+                own=(_spent("python") - own) / took / workers,
                 transactions=(_counted(desk)[0] - counted[0]) / took / workers,
                 connections=counted[1] / workers,
             )
@@ -52,15 +55,17 @@ def _counted(desk: Desk) -> tuple[int, int]:
     return int(transactions), int(connections)
 
 
-def _spent() -> float:
-    """Return the processor time (s) of every Postgres process that is a descendant of this one, ended ones included."""
+def _spent(program: str) -> float:
+    """Return the processor time (s) of every process of a program that is a descendant of this one, ended ones of Postgres included."""
     found = dict(filter(None, map(_read, Path("/proc").glob("[0-9]*/stat"))))
     total = 0.0
     for number, (name, fields) in found.items():
-        if name == "postgres" and os.getpid() in _ancestors(found, number):
+        if name.startswith(program) and os.getpid() in _ancestors(found, number):
             parent, _ = found.get(int(fields[1]), ("", []))
             own = int(fields[11]) + int(fields[12])
-            ended = 0 if parent == "postgres" else int(fields[13]) + int(fields[14])  # those of the postmaster alone
+            ended = (
+                0 if parent.startswith(program) else int(fields[13]) + int(fields[14])
+            )  # those of the postmaster alone
             total += (own + ended) / _TICK
     return total
 

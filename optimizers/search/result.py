@@ -256,7 +256,7 @@ class Share:
 
     def __init__(self, monitor: Monitor, first: float, size: float) -> None:
         self._monitor, self._first, self._size = monitor, first, size
-        self._name = share_name(first)
+        self._name = f"{first:.9g}"
 
     def progress(self, fraction: float, message: str) -> None:
         """Pass the progress on, as a share."""
@@ -280,8 +280,3 @@ class Share:
         states = self._monitor.kept() if isinstance(self._monitor, Keeper) else None
         state: Mapping[str, Any] | None = (states or {}).get(self._name)
         return state
-
-
-def share_name(first: float) -> str:
-    """Return under which name the share of the work that begins here keeps its state."""
-    return f"{first:.9g}"

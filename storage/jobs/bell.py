@@ -100,6 +100,6 @@ class Bell:
             self._listening = True
             self.wake()
             while not self._ended.is_set():
-                # The system waits at a tenth of what psycopg's own wait costs, and a look at what has come never waits.
+                # psycopg's own wait wakes ten times a second; the system's does not, and a look at what has come never waits.
                 if select.select([own.fileno()], [], [], _LOOK)[0] and list(own.notifies(timeout=0)):
                     self.wake()

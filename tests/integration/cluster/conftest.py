@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -94,12 +94,19 @@ def _address(found: Path) -> Any:
     return None
 
 
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
-    made = DaskCluster(tmp_path_factory.mktemp("cluster"))
+@contextmanager
+def two_workers(folder: Path) -> Iterator[DaskCluster]:
+    """Run a cluster of two workers."""
+    made = DaskCluster(folder)
     try:
         for _ in range(2):
             made.work()
         yield made
     finally:
         made.close()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
+    with two_workers(tmp_path_factory.mktemp("cluster")) as made:
+        yield made

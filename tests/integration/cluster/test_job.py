@@ -20,7 +20,7 @@ from storage import Database
 from storage.models import JobState
 from tests.integration.api.conftest import Service, finished, serving
 from tests.integration.api.test_optimizations import REQUEST
-from tests.integration.cluster.conftest import ROOT, DaskCluster
+from tests.integration.cluster.conftest import ROOT, DaskCluster, two_workers
 from tests.support.desk import wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
@@ -72,13 +72,8 @@ def service(tmp_path: Path, sqlite_template: Path) -> Iterator[Service]:
 
 @pytest.fixture
 def own(tmp_path: Path) -> Iterator[DaskCluster]:
-    made = DaskCluster(tmp_path)
-    try:
-        for _ in range(2):
-            made.work()
+    with two_workers(tmp_path) as made:
         yield made
-    finally:
-        made.close()
 
 
 @pytest.fixture(scope="module")

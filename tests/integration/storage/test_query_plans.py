@@ -89,6 +89,7 @@ ASKED: dict[str, Callable[[Session], object]] = {
     "claims": lambda session: requeue.claimed(session, "lab-0"),
     "holders of tickets": lambda session: requeue.holders(session, [ENDED, QUEUED]),
     "executors that are no workers": requeue.strangers,
+    "jobs that were cut": requeue.joined,
     "old jobs": lambda session: jobs.forget(session, before=moment(5), limit=3),
     "no old jobs": lambda session: jobs.forget(session, before=BEGIN - timedelta(days=1)),
     "old events": lambda session: jobs.forget_events(session, before=moment(5), limit=10),
