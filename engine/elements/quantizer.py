@@ -80,6 +80,11 @@ class Quantizer(NonlinearElement):
         return Change(mode=mode - 1 if before > mode or before == mode else mode + 1)
 
     @classmethod
+    def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
+        """Return the level below an edge: nothing holds the input there while it jumps."""
+        return Change(mode=mode - mode % 2)
+
+    @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:
         """Return that the output is constant, or held."""
         return True

@@ -79,6 +79,11 @@ class Relay(NonlinearElement):
         return Change(mode=-1 if before >= 0 else 1)
 
     @classmethod
+    def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
+        """Return that sliding ends where the input jumps: nothing holds it there."""
+        return Change(mode=mode or 1)
+
+    @classmethod
     def jumps(cls, values: Values) -> bool:
         """Return whether hysteresis is about to begin, where the input slides without it."""
         return first(values["hysteresis"]) == 0 and bool(np.any(values["hysteresis"]))
