@@ -15,9 +15,10 @@ import numpy.typing as npt
 from scipy.linalg import matrix_balance
 
 from engine.elements._nonlinear import Mode
+from engine.exact.laws.magnitudes import magnitudes
 from engine.exact.laws.system import Instants
 from engine.exact.nonlinear.integrate import Integration
-from engine.exact.nonlinear.switching import StoppedError
+from engine.exact.nonlinear.switching import ROUNDING, StoppedError
 from engine.model.errors import EngineError
 from engine.model.failures import numerical
 
@@ -83,7 +84,10 @@ def operating_point(
             step = _correction(real, x, inputs, modes)
             if step is None:
                 break
-            if np.all(np.abs(step) <= _STILL * np.maximum(np.abs(x), 1e-6)):
+            least = _STILL * np.maximum(np.abs(x), 1e-6)
+            if np.all(np.abs(step) <= least) or np.all(
+                np.abs(step) <= np.maximum(least, _noise(real, x, inputs, modes))
+            ):
                 x, rests = x + step, True
                 break
             x = x + step
@@ -162,6 +166,14 @@ def _correction(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode,
         return None
     correction: Real = step * scale
     return correction
+
+
+def _noise(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real:
+    """Return what the rounding of the rates makes of a correction: a state that is the difference of others comes to rest no better."""
+    at = _still(real, x[None], inputs, modes)
+    size, _ = magnitudes(real, at, real.flow(at))
+    slope, scale = _slope(real, x, inputs, modes)
+    return np.asarray(np.abs(np.linalg.pinv(slope, rcond=1e-12)) @ (ROUNDING * size[0] / scale) * scale)
 
 
 def slope_at(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real:

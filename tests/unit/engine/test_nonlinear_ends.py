@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import simulate
 from engine.diagram.diagram import compile_system
 from engine.model.verdicts import Verdict
@@ -115,3 +116,21 @@ def test_what_moves_by_less_than_a_millionth_has_stopped():
     found = simulate(made, signals={"r": make("step", {})}, duration=18.0)
     assert found.metrics["y"]["settling_time"].value == pytest.approx(np.log(50.0), rel=1e-6)
     assert found.metrics["x"]["settling_time"].verdict is Verdict.INTEGRATING
+
+
+def test_a_state_that_rests_as_a_difference_is_at_rest_at_every_gain():
+    """The filter of a lead rests at 0 to the rounding of what cancels there: whether it was called rest once hung on the gain's last digits."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("transfer_function", numerator=["=0.1*k", "=k"], denominator=[0.01, 1.0]),
+        "law": block("mr_damper_bingham", yield_force=[0.25], damping=[0.5], transition_velocity=0.3),
+        "x": block("transfer_function", numerator=[2.1875], denominator=[1.0, 3.5, 0.0]),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "x -> e.in2", "e -> c", "c -> law", "law -> x"]
+    diagram = compile_system(document(blocks, wires, {"y": "x"}, k=3.3))
+    asked = [
+        MetricRequest(metric="rise_time", signals={"r": make("step", {"amplitude": 1.625})}, output="y", duration=4.0)
+    ]
+    found = [measure(diagram, asked, overrides={"k": k})[0][0] for k in np.linspace(3.3, 4.3, 21)]
+    assert {one.verdict for one in found} == {Verdict.OK}
+    bends = np.diff([one.value for one in found], 3)
+    assert np.abs(bends).max() < 1e-4
