@@ -20,7 +20,7 @@ import numpy as np
 
 from engine.elements import _pid
 from engine.elements._base import Ports, Values, vanishing
-from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
+from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, by_sign
 from engine.model.errors import DiagramError
 from engine.model.parameters import Param
 
@@ -157,7 +157,7 @@ class LimitedLaw(NonlinearElement):
         clamping = cls._kind(values) == "clamping"
         if mode == 0:
             side = cls._sides(values)[guard]
-            return Change(mode=side * cls._arrived(m, side, values), x=list(m.x)) if clamping else Change(mode=side)
+            return Change(mode=cls._arrived(m, side, values), x=list(m.x)) if clamping else Change(mode=side)
         if not clamping:
             return Change(mode=0)
         side = 1 if mode > 0 else -1
@@ -165,9 +165,10 @@ class LimitedLaw(NonlinearElement):
             return Change(mode=(0, side * _STOPPED)[guard], x=cls._slid(m, mode, values))
         if guard == 1:
             return Change(mode=side * (_STOPPED if abs(mode) == 1 else 1), x=list(m.x))
-        pushes = abs(mode) == _STOPPED and m.slope
-        slides = pushes and first(cls._moved(m, side, values) + cls._driven(m, side, values)) > 0
-        return Change(mode=side * _SLIDING if slides else 0, x=list(m.x))
+        if abs(mode) != _STOPPED or not m.slope:
+            return Change(mode=0, x=list(m.x))
+        pushes = cls._moved(m, side, values) + cls._driven(m, side, values)
+        return Change(mode=by_sign(pushes, side * _SLIDING, 0), x=list(m.x))
 
     @classmethod
     def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
@@ -250,11 +251,10 @@ class LimitedLaw(NonlinearElement):
         return side * total
 
     @classmethod
-    def _arrived(cls, m: Moment, side: int, values: Values) -> int:
-        """Return what clamping does at a limit that v has just passed."""
-        if first(cls._driven(m, side, values)) <= 0:
-            return 1
-        return _SLIDING if m.slope and first(cls._moved(m, side, values)) < 0 else _STOPPED
+    def _arrived(cls, m: Moment, side: int, values: Values) -> Any:
+        """Return the mode of clamping at a limit that v has just passed."""
+        slides = by_sign(-cls._moved(m, side, values), side * _SLIDING, side * _STOPPED) if m.slope else side * _STOPPED
+        return by_sign(cls._driven(m, side, values), slides, side)
 
     @classmethod
     def _slid(cls, m: Moment, mode: Mode, values: Values) -> list[Any]:

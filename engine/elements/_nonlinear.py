@@ -244,6 +244,17 @@ def first(value: Any) -> float:
     return float(np.ravel(value)[0].real)
 
 
+def by_sign(value: Any, positive: Any, otherwise: Any) -> Any:
+    """Return one of two modes by the sign of the real part of the first entry.
+
+    Of a number that is traced the choice itself, which is taken later.
+    """
+    above = np.real(value) > 0
+    if isinstance(above, bool | np.bool_ | np.ndarray):
+        return positive if np.ravel(above)[0] else otherwise
+    return np.where(above, positive, otherwise)
+
+
 def stacked(signals: Signals, shape: tuple[int, ...]) -> Array:
     """Return signals as one array (*shape, number of signals)."""
     kind = complex if any(np.iscomplexobj(signal) for signal in signals) else float
@@ -373,6 +384,7 @@ __all__ = [
     "Ports",
     "Signals",
     "Slopes",
+    "by_sign",
     "entries",
     "first",
     "guard_slopes",

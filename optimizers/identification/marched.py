@@ -75,8 +75,8 @@ class Structure:
         self.unknowns = tuple(unknowns)
         self.varied = (*(unknown.parameter for unknown in unknowns), *known)
         self.equations = Equations.of(diagram, self.varied)
-        if self.equations.delays:
-            raise UnsuitableError("delays")
+        if self.equations.delays or self.equations.changes.modes:
+            raise UnsuitableError("delays, or modes that are remembered")
         nominal = diagram.laws().start[0].real
         self.compiled: dict[tuple[str, ...], tuple[Compiled, Marcher]] = {}
         if len(nominal) != len(self.equations.states):
@@ -197,7 +197,7 @@ class MarchedModel:
             table = self._table(begin, begin + count, stride)
             piece = Pieces(
                 edges=self._h * np.array([0.0, count]), samples=np.array([count]), stride=stride, inputs=[table],
-                lookbacks=[nowhere(len(table))],
+                lookbacks=[nowhere(len(table))], breaks=[False],
             )  # fmt: skip
             marched = self._marcher(states, batch.once, piece)
             # a law that has left what its formula covers is no response, however finite it looks

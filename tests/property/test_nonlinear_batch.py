@@ -1,4 +1,4 @@
-"""Random loops with limits: what the march does not doubt is what the exact path says."""
+"""Random loops with limits, play and switches: what the march does not doubt is what the exact path says."""
 
 from __future__ import annotations
 
@@ -19,12 +19,19 @@ positive = st.floats(0.2, 5.0)
 @st.composite
 def loops(draw: st.DrawFn) -> Diagram:
     """Return a loop of a lead-lag, a law and a plant of second or third order, with a delay behind the law or the plant, or both, or none."""
-    law = draw(st.sampled_from(["saturation", "dead_zone", "lookup_table", "mr_damper_bingham"]))
+    law = draw(
+        st.sampled_from(
+            ["saturation", "dead_zone", "lookup_table", "mr_damper_bingham", "backlash", "relay", "rate_limiter"]
+        )
+    )
     size = draw(st.floats(0.05, 2.0))
     values = {
         "saturation": {"lower": -size, "upper": draw(st.floats(0.05, 2.0))},
         "dead_zone": {"lower": -0.02 * size, "upper": 0.01},
         "lookup_table": {"points": [-1.0, -0.1, 0.2, 1.0], "values": [-size, -0.1, 0.2, 1.5 * size + 0.2]},
+        "backlash": {"width": 0.1 * size},
+        "relay": {"low": -size, "high": 1.5 * size, "hysteresis": draw(st.floats(0.02, 0.5))},
+        "rate_limiter": {"rising": 3.0 * size, "falling": draw(st.none() | st.floats(0.5, 5.0))},
         "mr_damper_bingham": {"yield_force": [size], "damping": [0.5], "transition_velocity": 0.3},
     }[law]
     poles = [draw(positive) for _ in range(draw(st.integers(1, 2)))]

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from engine.analysis.evaluation import Evaluation
-from engine.analysis.measuring import MetricRequest
+from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import simulate
+from engine.batch.nonlinear.readings import METRICS
 from engine.batch.screening import Screening
 from engine.diagram.diagram import Diagram, compile_system
 from engine.model.verdicts import Verdict
@@ -72,13 +73,29 @@ def test_a_saturated_position_loop_goes_on_while_its_integrator_winds():
     assert short.metrics["v"]["settling_time"].verdict is Verdict.NOT_SETTLED
 
 
-def test_what_only_ranks_candidates_does_not_call_it_settled_either():
-    made = position_loop({"v": "m"})
+@pytest.mark.parametrize("unsettled", [True, False])
+@pytest.mark.parametrize("kp", [4.0, 5.0])
+def test_what_only_ranks_candidates_does_not_call_it_settled_either(kp, unsettled):
+    """What has stopped for a while has the value that the exact path tells, or is left to it; one that must settle has none."""
+    made = position_loop({"v": "m", "x": "x"})
     signals = {"r": make("step", {"amplitude": 1000.0})}
-    for duration in (None, 33.5):
-        request = MetricRequest(metric="settling_time", signals=signals, output="v", duration=duration)
-        found = Screening(made, [request])({"kp": np.array([4.0, 5.0])})
-        assert found.doubtful.all() or np.isnan(found.values).all()
+    known = 0
+    for output in made.outputs:
+        for metric in METRICS:
+            request = MetricRequest(
+                metric=metric, signals=signals, output=output, duration=33.5, unsettled=unsettled
+            )  # fmt: skip
+            found = Screening(made, [request])({"kp": np.array([kp])})
+            if found.doubtful[0, 0]:
+                continue
+            exact = measure(made, [request], overrides={"kp": kp})[0][0].value
+            known += 1
+            assert found.values[0, 0] == pytest.approx(np.nan if exact is None else exact, rel=1e-6, nan_ok=True), (
+                metric
+            )
+    assert known >= (12 if unsettled else 7)
+    request = MetricRequest(metric="settling_time", signals=signals, output="v")
+    assert Screening(made, [request])({"kp": np.array([kp])}).doubtful.all()
 
 
 KT, INERTIA, FRICTION, RESISTANCE, INDUCTANCE = 0.1, 1e-3, 1e-4, 1.0, 2e-3

@@ -79,23 +79,43 @@ def operands(graph: Graph, wanted: Sequence[int]) -> set[int]:
     return needed
 
 
+class Formulas:
+    """Numbers of a graph, to be computed again and again.
+
+    Parameters
+    ----------
+    graph : Graph
+    wanted : sequence
+        Numbers of the graph, or floats.
+    """
+
+    def __init__(self, graph: Graph, wanted: Sequence[Any]) -> None:
+        self._targets = nodes_of(graph, wanted)
+        self._known: dict[int, Any] = {}
+        self._given: list[tuple[int, int]] = []
+        self._rows: list[tuple[int, Callable[..., Any], tuple[int, ...]]] = []
+        for node in sorted(operands(graph, self._targets)):
+            op, first, second = graph.nodes[node]
+            if op is Op.CONSTANT:
+                self._known[node] = graph.values[node]
+            elif op is Op.PARAMETER:
+                self._given.append((node, first))
+            elif op is Op.CHOOSE:
+                self._rows.append((node, MEANING[Code.CHOOSE], (first, *graph.nodes[second][1:])))
+            elif op is not Op.PAIR:
+                self._rows.append((node, MEANING[Code(int(op))], (first, second) if second >= 0 else (first,)))
+
+    def __call__(self, parameters: Any) -> Real:
+        """Return the numbers (wanted, ...) where the graph's parameters are ``parameters``, (parameters, ...)."""
+        found = self._known | {node: parameters[place] for node, place in self._given}
+        for node, meaning, places in self._rows:
+            found[node] = meaning(*[found[place] for place in places])
+        result = np.empty((len(self._targets), *np.shape(parameters)[1:]))
+        for row, node in enumerate(self._targets):
+            result[row] = found[node]
+        return result
+
+
 def evaluated(graph: Graph, wanted: Sequence[Any], parameters: Any) -> Real:
-    """Return numbers of a graph, (wanted, ...), where its parameters are ``parameters``, (parameters, ...)."""
-    targets = nodes_of(graph, wanted)
-    needed = operands(graph, targets)
-    shape = np.shape(parameters)[1:]
-    found: dict[int, Any] = {}
-    for node in sorted(needed):
-        op, first, second = graph.nodes[node]
-        if op is Op.CONSTANT:
-            found[node] = graph.values[node]
-        elif op is Op.PARAMETER:
-            found[node] = parameters[first]
-        elif op is Op.CHOOSE:
-            _, yes, no = graph.nodes[second]
-            found[node] = MEANING[Code.CHOOSE](found[first], found[yes], found[no])
-        elif op is not Op.PAIR:
-            found[node] = MEANING[Code(int(op))](*(found[k] for k in (first, second) if k >= 0))
-    return np.array([np.broadcast_to(found[node], shape) for node in targets], dtype=float).reshape(
-        len(targets), *shape
-    )
+    """Return numbers of a graph once; see :class:`Formulas`."""
+    return Formulas(graph, wanted)(parameters)

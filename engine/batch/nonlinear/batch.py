@@ -25,7 +25,7 @@ from engine.batch.nonlinear.look import Look, coarse, floor
 from engine.batch.nonlinear.march import Marched, Marcher, Pieces, by_input
 from engine.batch.nonlinear.program import Compiled
 from engine.batch.nonlinear.readings import INTEGRALS, METRICS, read
-from engine.batch.nonlinear.rest import Rest, moving, reaching
+from engine.batch.nonlinear.rest import Moving, Rest, reaching
 from engine.batch.screened import Screened
 from engine.model.traced import UnsuitableError
 
@@ -40,7 +40,9 @@ Flags = npt.NDArray[np.bool_]
 FEWEST: Final = 256
 """Steps of the coarsest march,"""
 MOST_DOUBLINGS: Final = 10
-"""which are halved so often in the finest."""
+"""which are halved so often in the finest;"""
+_FOUND: Final = 6
+"""where modes end between samples, so often from the first on: what has not agreed by then will not."""
 _EXTENSIONS: Final = 6
 """A response of free length that has not settled is followed twice as long, so many times: not beyond the exact path."""
 _LIFETIME: Final = 0.4
@@ -127,6 +129,7 @@ class NonlinearBatch:
         self._fastest = float(np.abs(own).max(initial=0.0))
         lifetime = linear.pace.lifetime
         self._pace = _LIFETIME * lifetime if 0 < lifetime < np.inf else 1.0
+        self._moving = Moving(self._equations)
         self._writing = threading.Lock()
         self._searched: Rest | None = None
         self._kept: dict[tuple[int, float, int], Pieces] = {}
@@ -152,7 +155,8 @@ class NonlinearBatch:
         values = np.full((total, len(self.requests)), np.nan)
         doubtful = np.ones((total, len(self.requests)), dtype=bool)
         found = _Found(values=values, doubtful=doubtful)
-        rows = np.flatnonzero(valid & posed & np.isfinite(once).all(axis=0))
+        # minus infinity is the guard of a mode that never ends
+        rows = np.flatnonzero(valid & posed & (np.isfinite(once) | np.isneginf(once)).all(axis=0))
         given = _Given(points=points, start=start, once=once)
         # By their places among all, so that a candidate has the same neighbours however many do not exist.
         blocks = np.split(rows, np.flatnonzero(np.diff(rows // MARCHED)) + 1) if rows.size else []
@@ -195,7 +199,8 @@ class NonlinearBatch:
         if end > min(delays, default=np.inf) * (FEWEST << doublings):
             return rows[:0]
         before: Look | None = None
-        while rows.size and doublings <= MOST_DOUBLINGS:
+        most = min(MOST_DOUBLINGS, doublings + _FOUND) if self._equations.changes.modes else MOST_DOUBLINGS
+        while rows.size and doublings <= most:
             pieces = self._pieces(number, end, doublings)
             looks = []
             words = pieces.words * (2 * len(self._outputs) + 1) + 2 * pieces.slots * len(delays)
@@ -217,7 +222,8 @@ class NonlinearBatch:
                 done = rows[agreed]
                 found.values[np.ix_(done, columns)] = look.values[agreed]
                 found.doubtful[np.ix_(done, columns)] = look.doubtful[agreed]
-                rows, look = rows[~agreed], look.take(~agreed)
+                left = ~agreed & (look.covered | before.covered)  # who is lost twice will not be found
+                rows, look = rows[left], look.take(left)
             before, doublings = look, doublings + 1
         return np.concatenate(unsettled) if unsettled else rows[:0]
 
@@ -264,7 +270,7 @@ class NonlinearBatch:
                 steady |= own.steady
         doubtful[~marched.covered] = True
         return Look(
-            curves=marched.values, coarse=coarse(pieces), values=values, doubtful=doubtful, settled=settled, steady=steady,
+            curves=marched.values, coarse=coarse(pieces), values=values, doubtful=doubtful, settled=settled, steady=steady, covered=marched.covered,
             floors=floors, finest=pieces.stride > 1,
         )  # fmt: skip
 
@@ -286,7 +292,7 @@ class NonlinearBatch:
         if len(constants) < len(finals):
             return curves
         ends = np.concatenate([marched.states, marched.heard])
-        moves = moving(self._equations, given.points, ends, constants, float(marched.times[-1]))
+        moves = self._moving(given.points, ends, marched.modes, constants, float(marched.times[-1]))
         curves = {
             output: replace(own, moving=np.asarray(moves[self._reaching[output]].any(axis=0)))
             for output, own in curves.items()
@@ -296,7 +302,7 @@ class NonlinearBatch:
         rows = np.flatnonzero(unclear)
         if not rows.size:
             return curves
-        found = self._rest()(given.points[rows], ends[:, rows], constants)
+        found = self._rest()(given.points[rows], ends[:, rows], marched.modes[:, rows], constants)
         single = np.zeros(len(unclear), dtype=bool)
         single[rows] = found.single
         rests = np.full((len(curves), len(unclear)), np.nan)
@@ -310,6 +316,7 @@ class NonlinearBatch:
             times=marched.times, values=y, slopes=marched.slopes[k], errors=np.empty((0, 2, 0)), start=experiment.begin,
             last=experiment.last, initial=initial, constant=experiment.constant,
             target=None if reference is None else experiment.signals[reference].final(), duration=experiment.duration,
+            corners=None if marched.corners is None else marched.corners.of(k),
         )  # fmt: skip
         if not any(self.requests[number].metric in INTEGRALS for number in experiment.requests):
             return curves

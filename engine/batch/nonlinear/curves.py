@@ -32,7 +32,28 @@ RESOLVED: Final = 1e-4
 """What a kink between two samples may change at most in a metric, relatively."""
 NEARLY: Final = 1e-4
 """A turning point this near to a level, in parts of it, leaves open whether it is passed."""
+_ROUNDING: Final = 1e-12
 _HALVINGS: Final = 40
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Corners:
+    """Corners of curves that lie between samples.
+
+    Attributes
+    ----------
+    extremes : ndarray, shape (4, B) of one output, (4, watched, B) of all
+        The largest value at a corner, its instant, the smallest one and its instant.
+    before : ndarray of bool, shape (N, B)
+        Whether there is one between a sample and that before.
+    """
+
+    extremes: Real
+    before: Flags
+
+    def of(self, output: int) -> Corners:
+        """Return those of one of several outputs."""
+        return Corners(extremes=self.extremes[:, output], before=self.before)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +77,8 @@ class Curves:
         Where the reference settles.
     duration : float or None
         The limit that was asked for.
+    corners : Corners or None
+        The corners that are known.
     rest : ndarray, shape (B,), or None
         Where the output is when everything rests, NaN where that is not known or no rest is there.
     single : ndarray of bool, shape (B,), or None
@@ -74,6 +97,7 @@ class Curves:
     constant: bool
     target: float | None
     duration: float | None
+    corners: Corners | None = None
     rest: Real | None = None
     single: Flags | None = None
     moving: Flags | None = None
@@ -85,9 +109,9 @@ class Curves:
 
     @cached_property
     def late(self) -> npt.NDArray[np.intp]:
-        """Samples in the last tenth of what follows the last change of the commands."""
+        """Samples in the last tenth of what follows the last change of the commands; the last one where nothing does."""
         end = self.times[-1]
-        return np.flatnonzero(self.times >= end - 0.1 * (end - self.last))
+        return np.flatnonzero(self.times >= end - 0.1 * max(end - self.last, 0.0))
 
     @cached_property
     def _constant(self) -> bool:
@@ -109,8 +133,12 @@ class Curves:
         """Who does not move any more under constant commands, (B,)."""
         if not self._constant:
             return np.zeros(self.values.shape[1], dtype=bool)
-        still = np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * self._spread)
-        return still if self.moving is None else np.asarray(still & ~self.moving)
+        return self._stands if self.moving is None else np.asarray(self._stands & ~self.moving)
+
+    @cached_property
+    def _stands(self) -> Flags:
+        """Whose last tenth stands still, whatever it may do later, (B,)."""
+        return np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * self._spread)
 
     @cached_property
     def slow(self) -> Flags:
@@ -147,9 +175,17 @@ class Curves:
         return np.asarray(~self.still & (~self.slow | (self._away > (1 + _BETWEEN) * NEAR)))
 
     @cached_property
+    def stuck(self) -> Flags:
+        """Who stands still in the end, in a time that was asked for, and not near to rest: what drives it may tear it loose, (B,)."""
+        if self.duration is None or not self._constant or self.rest is None:
+            return np.zeros(self.values.shape[1], dtype=bool)
+        near = self._away <= (1 + _BETWEEN) * NEAR
+        return np.asarray(self._stands & ~self.settled & ~near)
+
+    @cached_property
     def ended(self) -> Flags:
-        """Who has settled, or shows by any standard that it has not and moves unevenly: its last value is then its end, (B,)."""
-        return np.asarray(self.settled | (self.restless & ~self.steady))
+        """Who has settled, is stuck, or shows by any standard that it has not and moves unevenly: its last value is then its end, (B,)."""
+        return np.asarray(self.settled | self.stuck | (self.restless & ~self.steady))
 
     @cached_property
     def final(self) -> Real:
@@ -163,6 +199,8 @@ class Curves:
         """Turning points between samples: number of the sample before, candidate, value, time."""
         width = np.diff(self.times)[:, None]
         passes = (self.slopes[:-1] * self.slopes[1:] < 0) & (width > 0)
+        if self.corners is not None:  # a cubic swings beyond a corner
+            passes &= ~self.corners.before[1:]
         k, b = np.nonzero(passes)
         h = width[k, 0]
         y0, y1, d0, d1 = self.values[k, b], self.values[k + 1, b], h * self.slopes[k, b], h * self.slopes[k + 1, b]
@@ -191,7 +229,12 @@ class Curves:
             when = at.copy()
             top[b[order]], when[b[order]] = (sign * value)[order], time[order]
             better = top > sign * best
-            found += [np.where(better, sign * top, best), np.where(better, when, at)]
+            best, at = np.where(better, sign * top, best), np.where(better, when, at)
+            if self.corners is not None:
+                corner, time_of_it = self.corners.extremes[:2] if sign > 0 else self.corners.extremes[2:]
+                better = sign * corner >= sign * best - _ROUNDING * self.size
+                best, at = np.where(better, corner, best), np.where(better, time_of_it, at)
+            found += [best, at]
         return found[0], found[1], found[2], found[3]
 
     @cached_property
@@ -210,9 +253,21 @@ class Curves:
             d0, d1 = sign * self.slopes[before, b], sign * self.slopes[before + 1, b]
             with np.errstate(all="ignore"):
                 meet = np.clip(np.nan_to_num((y1 - d1 * h - y0) / (d0 - d1)), 0.0, h)
-            beyond = np.maximum(y0 + d0 * meet - np.maximum(y0, y1), 0.0)
+            top = np.maximum(y0, y1)
+            if self.corners is not None:  # those that are known count, what follows them may not be
+                corner = np.where(sign >= 0, self.corners.extremes[0], -self.corners.extremes[2])
+                top = np.maximum(top, np.where(self.corners.before[before + 1, b], corner, top))
+            beyond = np.maximum(y0 + d0 * meet - top, 0.0)
             worth = np.maximum(worth, np.minimum(beyond, self.kink(before)))
         return worth
+
+    @cached_property
+    def cornered(self) -> Flags:
+        """Who is at a known corner where the curve is furthest from 0: it may have come to it earlier, or stay there, (B,)."""
+        if self.corners is None:
+            return np.zeros(self.values.shape[1], dtype=bool)
+        highest, _, lowest, _ = self.corners.extremes
+        return np.asarray(np.maximum(highest, -lowest) >= (1 - _ROUNDING) * self.size)
 
     def kink(self, place: npt.NDArray[np.intp]) -> Real:
         """Return how far the curve may be from its cubic behind the samples ``place`` (B,): h |Δy'|/8 of what sticks out.

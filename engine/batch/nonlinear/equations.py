@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from engine.batch.kernels.assembly import Assembly, Row
-from engine.batch.nonlinear.recording import RecordedLaw
+from engine.batch.nonlinear.holding import held
+from engine.batch.nonlinear.mode_changes import ModeChanges
+from engine.batch.nonlinear.remembering import RememberingLaw, recorded
 from engine.batch.nonlinear.signals import SignalGraph, largest
 from engine.batch.nonlinear.slopes import slopes
 from engine.model.parameters import Param
@@ -47,6 +49,8 @@ class Equations:
         τ, s: the same for all candidates.
     outside : number or None
         Positive where a law has left what its formula covers; None where none can.
+    changes : ModeChanges
+        What happens to modes that laws remember.
     bounds : tuple of (Param, Traced)
         Values that have physical bounds.
     pivots : tuple
@@ -68,6 +72,7 @@ class Equations:
     entering_slopes: list[Any]
     delays: tuple[float, ...]
     outside: Any
+    changes: ModeChanges
     bounds: tuple[tuple[Param, Traced], ...]
     pivots: tuple[Any, ...]
 
@@ -83,8 +88,8 @@ class Equations:
 
     @property
     def signals(self) -> list[Any]:
-        """All that moves by itself: states, inputs and their slopes, delayed signals and their slopes."""
-        return [*self.states, *self.inputs, *self.input_slopes, *self.heard, *self.heard_slopes]
+        """All that moves by itself: states, inputs and their slopes, delayed signals and their slopes; modes."""
+        return [*self.states, *self.inputs, *self.input_slopes, *self.heard, *self.heard_slopes, *self.changes.modes]
 
     @classmethod
     def of(cls, diagram: Diagram, varied: Sequence[str]) -> Equations:
@@ -112,7 +117,7 @@ class _Writer:
             raise UnsuitableError("an algebraic loop without a solution") from None
         nominal = diagram.laws()
         self._laws = [
-            RecordedLaw(law, values, self._graph) for law, values in zip(nominal.laws, self._traced.laws, strict=True)
+            recorded(law, values, self._graph) for law, values in zip(nominal.laws, self._traced.laws, strict=True)
         ]
         self._entering = [law.inputs.start for law in nominal.laws]
         self._owner = [(number, k) for number, law in enumerate(nominal.laws) for k in range(_length(law.outputs))]
@@ -138,20 +143,32 @@ class _Writer:
         for law, given in zip(self._laws, entered, strict=True):
             rates += law.rates(given)
             start += law.initial
-            beyond = law.outside(given)
+            beyond = None if isinstance(law, RememberingLaw) else law.outside(given)
             outside += [] if beyond is None else [beyond]
         outputs = [self._sum(row) for row in self._assembly.reads[: self._outputs]]
         entering = [self._sum(row) for row in self._assembly.entering]
         moving = [*states, *self._inputs, *self._heard]
-        seeds = dict(zip(moving, [*rates, *self._slopes, *self._heard_slopes], strict=True))
-        found = slopes(self._graph, [*outputs, *entering], {signal.node: slope for signal, slope in seeds.items()})
+        remembering = [
+            (law, inputs) for law, inputs in zip(self._laws, entered, strict=True) if isinstance(law, RememberingLaw)
+        ]
+
+        def seeds() -> dict[int, Any]:
+            pairs = zip(moving, [*rates, *self._slopes, *self._heard_slopes], strict=True)
+            return {signal.node: slope for signal, slope in pairs}
+
+        holds = held(self._graph, remembering, rates, seeds())
+        rates, outputs, entering = (holds.put_in(part) for part in (rates, outputs, entering))
+        found = slopes(self._graph, [*outputs, *entering], seeds())
         return Equations(
             graph=self._graph, varied=self._varied, states=states, inputs=self._inputs, input_slopes=self._slopes,
             start=start, rates=rates, outputs=outputs, output_slopes=found[: len(outputs)], heard=self._heard,
             heard_slopes=self._heard_slopes, entering=entering, entering_slopes=found[len(outputs) :],
             delays=tuple(float(length) for length in self._assembly.delays),
-            outside=largest(outside) if outside else None, bounds=self._traced.bounds,
-            pivots=tuple(self._assembly.pivots),
+            outside=largest(outside) if outside else None, bounds=self._traced.bounds, pivots=tuple(self._assembly.pivots),
+            changes=ModeChanges.of(
+                self._graph, remembering, holds, states, seeds(), entering=entering,
+                at_once={signal.node for signal in (*self._inputs, *self._heard)},
+            ),
         )  # fmt: skip
 
     def _size(self, number: int) -> int:

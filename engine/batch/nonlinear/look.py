@@ -35,8 +35,8 @@ class Look:
         Whether smaller steps bring no more samples.
     values, doubtful, floors : ndarray, shape (B, R)
         Metrics, and differences of them that mean nothing.
-    settled, steady : ndarray of bool, shape (B,)
-        Who has come to rest, and who moves at a constant rate in the end.
+    settled, steady, covered : ndarray of bool, shape (B,)
+        Who has come to rest, who moves at a constant rate in the end, and who could be followed.
     """
 
     curves: Real
@@ -46,6 +46,7 @@ class Look:
     floors: Real
     settled: Flags
     steady: Flags
+    covered: Flags
     finest: bool
 
     @classmethod
@@ -59,14 +60,16 @@ class Look:
             doubtful=np.concatenate([look.doubtful for look in looks]),
             floors=np.concatenate([look.floors for look in looks]),
             settled=np.concatenate([look.settled for look in looks]),
-            steady=np.concatenate([look.steady for look in looks]), finest=looks[0].finest,
+            steady=np.concatenate([look.steady for look in looks]),
+            covered=np.concatenate([look.covered for look in looks]), finest=looks[0].finest,
         )  # fmt: skip
 
     def take(self, which: Flags) -> Look:
         """Return what it shows of some candidates."""
         return Look(
             curves=self.curves[:, :, which], coarse=self.coarse, values=self.values[which], doubtful=self.doubtful[which],
-            floors=self.floors[which], settled=self.settled[which], steady=self.steady[which], finest=self.finest,
+            floors=self.floors[which], settled=self.settled[which], steady=self.steady[which],
+            covered=self.covered[which], finest=self.finest,
         )  # fmt: skip
 
     def agrees(self, before: Look) -> Flags:

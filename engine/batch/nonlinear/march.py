@@ -15,9 +15,11 @@ import numpy.typing as npt
 
 from engine.batch.kernels.compiled import LANES
 from engine.batch.kernels.marching import march
+from engine.batch.kernels.switching import ChangeRows, Tapes, march_modes
+from engine.batch.nonlinear.curves import Corners
 from engine.batch.nonlinear.generated import Generated, generated
 from engine.batch.nonlinear.lookback import Lookback, apart, echoes, lookbacks, nowhere
-from engine.batch.nonlinear.program import Compiled
+from engine.batch.nonlinear.program import Compiled, Program
 from engine.exact.nonlinear.bounds import LARGEST
 from engine.model.interruption import look
 
@@ -52,6 +54,8 @@ class Pieces:
         Commands and their slopes at the beginning, in the middle and at the end of every step, and behind the last one.
     lookbacks : list of Lookback
         What delayed signals are made of, likewise.
+    breaks : list of bool
+        Whether commands may jump at the beginning of each piece, at once or out of a delay.
     """
 
     edges: Real
@@ -59,6 +63,7 @@ class Pieces:
     stride: int
     inputs: list[Real]
     lookbacks: list[Lookback]
+    breaks: list[bool]
 
     @classmethod
     def of(
@@ -107,7 +112,8 @@ class Pieces:
             tables.append(np.ascontiguousarray(table[_rows(count)]))
             rows.append(times[_rows(count)])
         past = list(lookbacks(edges, samples * stride, rows, delays))
-        return cls(edges=edges, samples=samples, stride=stride, inputs=tables, lookbacks=past)
+        jumps = np.isin(edges[:-1], [0.0, *inside]).tolist()
+        return cls(edges=edges, samples=samples, stride=stride, inputs=tables, lookbacks=past, breaks=jumps)
 
     @property
     def words(self) -> int:
@@ -123,6 +129,7 @@ class Pieces:
             stride=1,
             inputs=[np.zeros((1, 2 * inputs))],
             lookbacks=[nowhere(1, delays)],
+            breaks=[False],
         )
 
     @property
@@ -155,16 +162,20 @@ class Pieces:
 class Marched:
     """Curves of B candidates at the instants ``times`` (samples,).
 
-    ``values`` and ``slopes`` are (watched, samples, B), ``states`` (states, B) and delayed signals ``heard`` (m, B) those at the end;
-    ``covered`` (B,) tells that no law was left and no state grew beyond what is followed.
+    ``values`` and ``slopes`` are (watched, samples, B); ``states`` (states, B), ``modes`` (modes, B) and delayed signals ``heard``
+    (m, B) those at the end;
+    ``covered`` (B,) tells that no law was left and no state grew beyond what is followed; ``corners`` are where modes ended that are
+    remembered, None where none is.
     """
 
     times: Real
     values: Real
     slopes: Real
     states: Real
+    modes: Real
     heard: Real
     covered: npt.NDArray[np.bool_]
+    corners: Corners | None
 
 
 class Marcher:
@@ -192,34 +203,45 @@ class Marcher:
     def __call__(self, start: Real, once: Real, pieces: Pieces) -> Marched:
         """March from ``start`` (states, B), with ``once`` (once, B) from `Compiled.start`."""
         program = self._compiled.program
-        if self._generate and self._code is None:
+        remembers = len(program.guards) > 0
+        if self._generate and self._code is None and not remembers:
             self._code = generated(program)
         batch = start.shape[1]
         groups = -(-batch // LANES)
+        read = len(program.read) + remembers
         registers = _aligned((program.registers, groups, LANES))
         registers[...] = 0.0
         _fill(registers[: program.states], start)
         _fill(registers[program.first_once : program.first_once + len(once)], once)
-        read = len(program.read)
+        registers[program.first_mode : program.first_once] = self._compiled.begins[:, None, None]
+        scales = np.zeros((len(program.guards), groups, LANES))
+        watched = len(program.read) // 2
+        corners = np.empty((groups, watched, 4, LANES))
+        corners[...] = np.array([-np.inf, 0.0, np.inf, 0.0])[:, None]
         record = _aligned((read, pieces.words, groups, LANES))
         code = None if self._code is None else self._code.march
         past = _aligned((len(program.entering), pieces.slots + 1, groups, LANES))
         past[...] = 0.0
         following = 0
         with np.errstate(all="ignore"):
-            for length, count, inputs, back in zip(
-                np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, pieces.lookbacks, strict=True
-            ):
+            for begin, length, count, inputs, back, breaks in zip(
+                pieces.edges.tolist(), np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, pieces.lookbacks,
+                pieces.breaks, strict=False,
+            ):  # fmt: skip
                 look()
                 own = record[:, following : following + count + 1]
                 following += count + 1
                 width = float(length) / max(1, count * pieces.stride)
                 if code is None:
                     turned = _aligned((groups, count + 1, read, LANES))
-                    march(
-                        program.whole, program.rates_only, program.rates, program.read, program.entering, registers, inputs,
-                        back.places, back.shares, past, back.first, width, pieces.stride, turned,
-                    )  # fmt: skip
+                    driven = (inputs, back.places, back.shares, past, back.first, width, pieces.stride)
+                    if remembers:
+                        march_modes(_tapes(program), registers, *driven, begin, breaks, scales, corners, turned)
+                    else:
+                        march(
+                            program.whole, program.rates_only, program.rates, program.read, program.entering, registers, *driven,
+                            turned,
+                        )  # fmt: skip
                     own[...] = turned.transpose(2, 1, 0, 3)
                 else:
                     code(registers, (inputs, back, past), width, pieces.stride, own)
@@ -227,11 +249,28 @@ class Marcher:
         states = registers[: program.states].reshape(program.states, -1)[:, :batch]
         # a state that nobody looks at ends a response as well
         bounded = (np.abs(states) <= LARGEST).all(axis=0)
-        covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0) & bounded
+        covered = (whole[2 * watched] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0) & bounded
         heard = _last(pieces.lookbacks[-1], past.reshape(len(past), pieces.slots + 1, groups * LANES)[:, :, :batch])
+        known = None
+        if remembers:
+            extremes = corners.transpose(2, 1, 0, 3).reshape(4, watched, groups * LANES)[:, :, :batch]
+            known = Corners(extremes=extremes, before=whole[-1] > 0)
         return Marched(
-            times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2], states=states, heard=heard, covered=covered
-        )
+            times=pieces.times, values=whole[: 2 * watched : 2], slopes=whole[1 : 2 * watched : 2], states=states, heard=heard,
+            covered=covered, corners=known,
+            modes=registers[program.first_mode : program.first_once].reshape(len(scales), groups * LANES)[:, :batch],
+        )  # fmt: skip
+
+
+def _tapes(program: Program) -> Tapes:
+    """Return what the kernel takes."""
+    changes = [
+        ChangeRows(change.tape, change.made, change.given, change.residuals, change.guards)
+        for change in (program.switched, program.settled, program.released)
+    ]
+    return Tapes(
+        program.whole, program.rates_only, program.rates, program.read, program.entering, program.guards, *changes
+    )
 
 
 def _last(back: Lookback, past: Real) -> Real:

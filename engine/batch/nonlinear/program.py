@@ -1,14 +1,14 @@
 """Equations as programs: what is the same at all instants is computed once for a candidate, the rest is a tape.
 
 A row of a tape is (operation, three operands, result), all but the first being registers. Registers are the states, the inputs with
-their slopes, the delayed signals with theirs, the numbers computed once, then temporaries, which are used again as soon as their last reader is done, so that
+their slopes, the delayed signals with theirs, the modes that laws remember, the numbers computed once, then temporaries, which are used again as soon as their last reader is done, so that
 a tape works in the processor's nearest memory. Constants are numbers computed once: two diagrams of one structure have the same tape.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,13 +16,28 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.nonlinear.arithmetic import Code, evaluated
+from engine.batch.nonlinear.arithmetic import Code, Formulas
 from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.mode_changes import Changes
 from engine.batch.nonlinear.signals import SignalGraph
 from engine.model.traced import Op, nodes_of
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChangeTape:
+    """A tape, and which registers (changes,) are then ``given`` what it has ``made`` in others; ``residuals`` and ``guards`` are registers, too.
+
+    See `engine.batch.nonlinear.mode_changes`.
+    """
+
+    tape: Whole
+    made: Whole
+    given: Whole
+    residuals: Whole
+    guards: Whole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +56,10 @@ class Program:
         Registers of what is read off: y and y' of each output watched, and what tells that a law has been left.
     entering : ndarray of int, shape (2 m,)
         Registers of what goes into the m delays, and of the slopes of that.
+    guards : ndarray of int
+        Registers of what tells that a mode ends, after the tape `whole`.
+    switched, settled, released : ChangeTape
+        What happens to modes and states then, in an instant behind a jump, and before inputs jump.
     states, inputs, once, registers : int
         How many there are, inputs counted with their slopes, of what is computed once, of registers altogether.
     """
@@ -50,6 +69,10 @@ class Program:
     rates: Whole
     read: Whole
     entering: Whole
+    guards: Whole
+    switched: ChangeTape
+    settled: ChangeTape
+    released: ChangeTape
     states: int
     inputs: int
     once: int
@@ -58,12 +81,17 @@ class Program:
     @property
     def first_once(self) -> int:
         """The first register of what is computed once."""
+        return self.first_mode + len(self.guards)
+
+    @property
+    def first_mode(self) -> int:
+        """The first register of the modes that laws remember."""
         return self.states + self.inputs + len(self.entering)
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
         """What two programs of the same structure have in common."""
-        arrays = (self.whole, self.rates_only, self.rates, self.read, self.entering)
+        arrays = (self.whole, self.rates_only, self.rates, self.read, self.entering, self.guards)
         return (*(array.tobytes() for array in arrays), self.states, self.inputs, self.once, self.registers)
 
 
@@ -75,42 +103,73 @@ class Compiled:
     equations : Equations
     watched : sequence of int
         Outputs of the diagram whose curves are wanted.
+
+    Attributes
+    ----------
+    program : Program
+    begins : ndarray, shape (modes,)
+        The modes at the beginning.
     """
 
     def __init__(self, equations: Equations, watched: Sequence[int]) -> None:
-        self._equations = equations
         graph = equations.graph
         slopes = equations.output_slopes
         read = [number for output in watched for number in (equations.outputs[output], slopes[output])]
         read.append(-1.0 if equations.outside is None else equations.outside)
         states, inputs, heard = len(equations.states), 2 * len(equations.inputs), 2 * len(equations.heard)
+        modes = len(equations.changes.modes)
         register = {signal.node: k for k, signal in enumerate(equations.signals)}
-        rates, given = nodes_of(graph, equations.rates), len(equations.rates) + len(read)
-        reads = nodes_of(graph, [*read, *equations.entering, *equations.entering_slopes])
-        once = [node for node in _leaves(equations, [*rates, *reads]) if node not in register]
-        first = states + inputs + heard + len(once)
+        rates, ends = nodes_of(graph, equations.rates), len(equations.rates) + len(read)
+        reads = nodes_of(
+            graph, [*read, *equations.entering, *equations.entering_slopes, *equations.changes.switched.guards]
+        )
+        changes = equations.changes.switched, equations.changes.settled, equations.changes.released
+        after = [
+            nodes_of(graph, [*(new for _, new in change.pairs), *change.residuals, *change.guards])
+            for change in changes
+        ]
+        wanted = [*rates, *reads, *(node for nodes in after for node in nodes)]
+        once = [node for node in _leaves(equations, wanted) if node not in register]
+        first = states + inputs + heard + modes + len(once)
         register.update({node: first - len(once) + k for k, node in enumerate(once)})
-        self._once = [graph.number(node) for node in once]
+        parts = [
+            equations.start, [graph.number(node) for node in once], [value for _, value in equations.bounds],
+            equations.pivots,
+        ]  # fmt: skip
+        self._start = Formulas(graph, [entry for part in parts for entry in part])
+        self._cuts = np.cumsum([len(part) for part in parts])[:-1]
+        self.begins = np.array(equations.changes.begins)
         # The rates come first in both tapes and end up in the same registers.
-        rate_rows, rate_places, after = _tape(equations, rates, register, first)
-        rows, places, last = _tape(equations, [*rates, *reads], register, first)
+        rate_rows, rate_places, least = _tape(equations, rates, register, first)
+        whole, places, last = _tape(equations, [*rates, *reads], register, first)
+        tapes = [_tape(equations, nodes, register, first) for nodes in after]
+        switched, settled, released = (
+            _change_tape(rows, places, change, register)
+            for (rows, places, _), change in zip(tapes, changes, strict=True)
+        )
         self.program = Program(
-            whole=rows, rates_only=rate_rows, rates=np.array(places[: len(rates)]),
-            read=np.array(places[len(rates) : given]), entering=np.array(places[given:], dtype=np.int64), states=states,
-            inputs=inputs, once=len(once), registers=max(after, last),
+            whole=whole, rates_only=rate_rows, rates=np.array(places[: len(rates)]),
+            read=np.array(places[len(rates) : ends]),
+            entering=np.array(places[ends : len(places) - modes], dtype=np.int64),
+            guards=np.array(places[len(places) - modes :], dtype=np.int64),
+            switched=switched, settled=settled, released=released, states=states, inputs=inputs, once=len(once),
+            registers=max(least, last, *(count for *_, count in tapes)),
         )  # fmt: skip
         assert rate_places == places[: len(rates)]
 
     def start(self, points: Real) -> tuple[Real, Real, Real, Real]:
         """Return the states at t = 0, what is computed once, the values with bounds and the pivots, each (·, B), of (B, varied)."""
-        equations = self._equations
-        bounded = [value for _, value in equations.bounds]
-        parts = [equations.start, self._once, bounded, list(equations.pivots)]
         with np.errstate(all="ignore"):
-            found = evaluated(equations.graph, [entry for part in parts for entry in part], points.T)
-        cuts = np.cumsum([len(part) for part in parts])[:-1]
-        first, second, third, fourth = np.split(found, cuts)
+            found = self._start(points.T)
+        first, second, third, fourth = np.split(found, self._cuts)
         return first, second, third, fourth
+
+
+def _change_tape(rows: Whole, places: Sequence[int], change: Changes, register: Mapping[int, int]) -> ChangeTape:
+    count = len(change.pairs)
+    made, residuals, guards = np.split(np.array(places, dtype=np.int64), [count, count + len(change.residuals)])
+    given = np.array([register[own.node] for own, _ in change.pairs], dtype=np.int64)
+    return ChangeTape(tape=rows, made=made, given=given, residuals=residuals, guards=guards)
 
 
 def _leaves(equations: Equations, targets: Sequence[int]) -> list[int]:

@@ -82,7 +82,7 @@ def _peak_time(curves: Curves) -> Reading:
     barely = (curves.duration is None) & curves.settled & (value - np.abs(curves.final) <= NEARLY * value)
     _, b, turned, _ = curves.turning
     rivals = np.bincount(b[np.abs(turned) >= (1 - NEARLY) * value[b]], minlength=len(value)) > 1
-    return at - curves.start, doubt | barely | rivals
+    return at - curves.start, doubt | barely | rivals | curves.cornered
 
 
 def _steady_state_error(curves: Curves) -> Reading:
@@ -109,10 +109,10 @@ def read(metric: str, curves: Curves, band: float = USUAL_BAND, *, unsettled: bo
     """
     with np.errstate(all="ignore"):  # what has no value is NaN
         value, doubt = settled_within(band)(curves) if metric == "settling_time" else METRICS[metric](curves)
-    if unsettled or metric not in OF_THE_END:
+    if unsettled or metric not in SETTLED_ONLY:
         return value, doubt
-    moving = curves.ended & ~curves.settled
-    return np.where(moving, np.nan, value), doubt & ~moving
+    moving = curves.ended & ~curves.settled & ~curves.stuck
+    return np.where(moving, np.nan, value), (doubt | ~curves.ended) & ~moving | curves.stuck
 
 
 METRICS: Mapping[str, Callable[[Curves], Reading]] = MappingProxyType(
@@ -125,7 +125,10 @@ METRICS: Mapping[str, Callable[[Curves], Reading]] = MappingProxyType(
         "itae": _integral(lambda e, t: t * np.abs(e)),
     }
 )  # fmt: skip
-OF_THE_END: Final = frozenset(kind for kind in METRICS if getattr(catalogue()[kind], "of_the_end", False))
+SETTLED_ONLY: Final = frozenset(
+    kind for kind, of in METRICS.items() if of is _peak or getattr(catalogue()[kind], "of_the_end", False)
+)
+"""Those that have no value where the output goes on moving and that will not do."""
 TIMES: Final = frozenset({"rise_time", "settling_time", "response_time", "peak_time"})
 RATIOS: Final = frozenset({"overshoot", "undershoot"})
 INTEGRALS: Final = frozenset({"iae", "ise", "itae"})

@@ -3,20 +3,20 @@
     x ← x - (∂f/∂x)⁺ f(x, u),   for all candidates at once
 
 The slopes are written into the graph by the same rules as the slopes in time. Directions in which the state may lie anywhere stay where
-they are, as on the exact path.
+they are, as on the exact path, and modes that laws remember follow the state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import matrix_balance
 
-from engine.batch.nonlinear.arithmetic import evaluated, operands
+from engine.batch.nonlinear.arithmetic import Formulas, operands
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.slopes import slopes
 from engine.model.traced import Op, nodes_of
@@ -25,6 +25,8 @@ Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 _ITERATIONS: Final = 20
+_CHANGES: Final = 4
+"""Modes may change so often in one step."""
 _STILL: Final = 1e-9
 """A state rests when the correction is this part of it."""
 _MOVES: Final = 1e-3
@@ -59,17 +61,39 @@ def reaching(equations: Equations, output: int) -> Flags:
     return found
 
 
-def moving(equations: Equations, points: Real, unknowns: Real, inputs: Sequence[float], elapsed: float) -> Flags:
-    """Return which unknowns (unknowns, B) go on moving under constant inputs, by what they would in ``elapsed`` s; delayed signals by what is on its way."""
-    graph = equations.graph
-    values = np.zeros((sum(op is Op.PARAMETER for op, _, _ in graph.nodes), len(points)))
-    values[: len(equations.varied)] = points.T
-    values[[graph.nodes[signal.node][1] for signal in equations.unknowns]] = unknowns
-    values[[graph.nodes[signal.node][1] for signal in equations.inputs]] = np.asarray(inputs, dtype=float)[:, None]
-    with np.errstate(all="ignore"):
-        moved = evaluated(graph, equations.drifts, values)
-        moved[: len(equations.rates)] *= elapsed
-        return np.asarray(~(np.abs(moved) <= _MOVES * np.abs(unknowns) + _NOTHING))
+class _Places:
+    """Where among the parameters of a graph its signals are."""
+
+    def __init__(self, equations: Equations) -> None:
+        nodes = equations.graph.nodes
+        self._count = sum(op is Op.PARAMETER for op, _, _ in nodes)
+        self.unknowns, self.modes, self._inputs = (
+            [nodes[signal.node][1] for signal in signals]
+            for signals in (equations.unknowns, equations.changes.modes, equations.inputs)
+        )
+
+    def filled(self, points: Real, unknowns: Real, modes: Real, inputs: Sequence[float]) -> Real:
+        """Return the parameters of all candidates, (parameters, B)."""
+        values = np.zeros((self._count, len(points)))
+        values[: points.shape[1]] = points.T
+        values[self.unknowns], values[self.modes] = unknowns, modes
+        values[self._inputs] = np.asarray(inputs, dtype=float)[:, None]
+        return values
+
+
+class Moving:
+    """What goes on moving under constant inputs."""
+
+    def __init__(self, equations: Equations) -> None:
+        self._places, self._states = _Places(equations), len(equations.rates)
+        self._drifts = Formulas(equations.graph, equations.drifts)
+
+    def __call__(self, points: Real, unknowns: Real, modes: Real, inputs: Sequence[float], elapsed: float) -> Flags:
+        """Return which unknowns (unknowns, B) move, by what they would in ``elapsed`` s; delayed signals by what is on its way."""
+        with np.errstate(all="ignore"):
+            moved = self._drifts(self._places.filled(points, unknowns, modes, inputs))
+            moved[: self._states] *= elapsed
+            return np.asarray(~(np.abs(moved) <= _MOVES * np.abs(unknowns) + _NOTHING))
 
 
 class Rest:
@@ -83,37 +107,31 @@ class Rest:
     """
 
     def __init__(self, equations: Equations, watched: Sequence[int]) -> None:
-        self._graph = equations.graph
-        self._varied = len(equations.varied)
-        self._place = {
-            "unknowns": [self._graph.nodes[signal.node][1] for signal in equations.unknowns],
-            "inputs": [self._graph.nodes[signal.node][1] for signal in equations.inputs],
-        }
-        self._parameters = sum(op is Op.PARAMETER for op, _, _ in self._graph.nodes)
-        self._outputs = [equations.outputs[output] for output in watched]
-        self._outside = -1.0 if equations.outside is None else equations.outside
+        graph = equations.graph
+        self._places = _Places(equations)
+        outside = -1.0 if equations.outside is None else equations.outside
+        self._outputs = Formulas(graph, [*(equations.outputs[output] for output in watched), outside])
         drifts = equations.drifts
         with np.errstate(all="ignore"):
             columns = [
-                slopes(self._graph, drifts, {s.node: float(s is unknown) for s in equations.signals})
+                slopes(graph, drifts, {s.node: float(s is unknown) for s in equations.signals})
                 for unknown in equations.unknowns
             ]
-        self._wanted: list[Any] = [*drifts, *(entry for column in columns for entry in column)]
+        self._fitting = Formulas(graph, equations.changes.fitting)
+        self._wanted = Formulas(graph, [*drifts, *(entry for column in columns for entry in column)])
 
-    def __call__(self, points: Real, unknowns: Real, inputs: Sequence[float]) -> Rested:
-        """Return the rest near ``unknowns`` (unknowns, B) of candidates ``points`` (B, varied)."""
+    def __call__(self, points: Real, unknowns: Real, modes: Real, inputs: Sequence[float]) -> Rested:
+        """Return the rest near ``unknowns`` (unknowns, B) of candidates ``points`` (B, varied), in modes (modes, B) that are remembered."""
         n, batch = unknowns.shape
-        values = np.zeros((self._parameters, batch))
-        values[: self._varied] = points.T
-        values[self._place["inputs"]] = np.asarray(inputs, dtype=float)[:, None]
+        values = self._places.filled(points, unknowns, modes, inputs)
         x = unknowns.copy()
         open_: Flags = np.asarray(np.isfinite(unknowns).all(axis=0))
         found, single = np.zeros(batch, dtype=bool), np.zeros(batch, dtype=bool)
         scale = np.ones(n)
         with np.errstate(all="ignore"):
             for iteration in range(_ITERATIONS):
-                values[self._place["unknowns"]] = x
-                both = evaluated(self._graph, self._wanted, values)
+                values[self._places.unknowns] = x
+                both = self._wanted(values)
                 f, slope = both[:n].T, both[n:].reshape(n, n, batch).transpose(2, 1, 0)
                 open_ = np.asarray(open_ & np.isfinite(f).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
                 if not open_.any():
@@ -132,11 +150,28 @@ class Rest:
                 open_ = np.asarray(open_ & (left <= _REACHED * np.linalg.norm(rate, axis=1)))
                 step = np.where(open_[:, None], step * scale, 0.0)
                 x = x + step.T
+                values[self._places.unknowns] = x
+                self._follow(values)
                 done = open_ & (np.abs(step.T) <= _STILL * np.maximum(np.abs(x), 1e-6)).all(axis=0)
                 found |= done
-                single = np.where(done, s[:, -1] > _SINGULAR * s[:, 0], single)
+                # what nothing follows and nothing moves, as the place of a play while its flank pushes, is nowhere else either
+                idle = ~slope.any(axis=1) & ~slope.any(axis=2)
+                least = np.take_along_axis(s, np.maximum(n - 1 - idle.sum(axis=1), 0)[:, None], axis=1)[:, 0]
+                single = np.where(done, least > _SINGULAR * s[:, 0], single)
                 open_ = np.asarray(open_ & ~done)
-            values[self._place["unknowns"]] = x
-            outputs = evaluated(self._graph, [*self._outputs, self._outside], values)
-        found &= outputs[-1] <= 0
+            values[self._places.unknowns] = x
+            settled = self._follow(values)
+            outputs = self._outputs(values)
+        found &= settled & (outputs[-1] <= 0)
         return Rested(outputs=np.where(found, outputs[:-1], np.nan), single=np.asarray(single & found))
+
+    def _follow(self, values: Real) -> Flags:
+        """Let modes that are remembered come to those that fit the state; return whose were so already, (B,)."""
+        places = self._places.modes
+        before = values[places]
+        for _ in range(_CHANGES if places else 0):
+            last = values[places]
+            values[places] = self._fitting(values)
+            if np.array_equal(values[places], last):
+                break
+        return np.asarray((values[places] == before).all(axis=0))

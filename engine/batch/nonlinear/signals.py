@@ -58,6 +58,24 @@ class SignalGraph(Graph):
                 pending += (first, second)
         return found
 
+    def choices(self, entry: Any) -> list[int]:
+        """Return the whole numbers between which a number is chosen.
+
+        Raises
+        ------
+        UnsuitableError
+            If it is anything else.
+        """
+        if not isinstance(entry, Traced):
+            return [int(entry)]
+        op, _, second = self.nodes[entry.node]
+        if op is Op.CONSTANT:
+            return [int(self.values[entry.node])]
+        if op is not Op.CHOOSE:
+            raise UnsuitableError("what follows a mode is calculated")
+        _, *both = self.nodes[second]
+        return [number for node in both for number in self.choices(self.number(node))]
+
 
 class Signal(Traced):
     """A number without a value of its own: it is another at every instant."""

@@ -1,10 +1,11 @@
-"""Derivatives in time, written into the graph: the rules of differentiation for every operation.
+"""Derivatives, written into the graph: the rules of differentiation for every operation; and formulas with other numbers put in.
 
 (a b)' = a' b + a b',   (a/b)' = (a' - (a/b) b')/b,   choose(d, a, b)' = choose(d, a', b')
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -28,7 +29,7 @@ def slopes(graph: SignalGraph, entries: Sequence[Any], seeds: Mapping[int, Any])
         op, first, second = graph.nodes[node]
         if node in seeds:
             known[node] = seeds[node]
-        elif op is Op.PAIR or not graph.moves(node):
+        elif op in {Op.PAIR, Op.PARAMETER} or not graph.moves(node):
             known[node] = 0.0
         elif op is Op.CHOOSE:
             _, yes, no = graph.nodes[second]
@@ -41,6 +42,27 @@ def slopes(graph: SignalGraph, entries: Sequence[Any], seeds: Mapping[int, Any])
                 total = partial * known[operand] + total
             known[node] = total
     return [known[entry.node] if isinstance(entry, Traced) else 0.0 for entry in entries]
+
+
+def substituted(graph: SignalGraph, entries: Sequence[Any], given: Mapping[int, Any]) -> list[Any]:
+    """Return numbers of a graph with other numbers in place of the nodes ``given``."""
+    known: dict[int, Any] = {}
+    for node in _order(graph, [entry.node for entry in entries if isinstance(entry, Traced)], given):
+        op, first, second = graph.nodes[node]
+        if node in given:
+            known[node] = given[node]
+        elif op is Op.CHOOSE:
+            _, yes, no = graph.nodes[second]
+            known[node] = choose(known[first], known[yes], known[no])
+        elif op in _ARITHMETIC and any(not isinstance(known[k], Traced) for k in (first, second) if k >= 0):
+            known[node] = _ARITHMETIC[op](*(known[k] for k in (first, second) if k >= 0))
+        elif op in {Op.PARAMETER, Op.PAIR}:
+            known[node] = graph.number(node)
+        elif op is Op.CONSTANT:
+            known[node] = graph.values[node]
+        else:
+            known[node] = graph.apply(op, *(known[k] for k in (first, second) if k >= 0))
+    return [known[entry.node] if isinstance(entry, Traced) else entry for entry in entries]
 
 
 def _order(graph: SignalGraph, targets: Sequence[int], seeds: Mapping[int, Any]) -> list[int]:
@@ -58,6 +80,10 @@ def _order(graph: SignalGraph, targets: Sequence[int], seeds: Mapping[int, Any])
     return sorted(needed)
 
 
+_ARITHMETIC: Final[Mapping[Op, Callable[..., Any]]] = {
+    Op.ADD: operator.add, Op.SUB: operator.sub, Op.MUL: operator.mul, Op.DIV: operator.truediv, Op.NEG: operator.neg,
+}  # fmt: skip
+"""Operations that are simpler where an operand is a plain number."""
 _PARTIALS: Final[Mapping[Op, Callable[..., tuple[Any, ...]]]] = {
     Op.ADD: lambda *_: (1.0, 1.0),
     Op.SUB: lambda *_: (1.0, -1.0),

@@ -87,9 +87,9 @@ def test_frequency_metrics_are_read_where_the_diagram_rests():
 
 
 def test_laws_that_are_no_formulas_take_the_exact_path():
-    diagram = loop("relay", low=-0.5, high=0.5, hysteresis=0.1)
+    diagram = loop("quantizer", step=0.05)
     asked = requests("peak", duration=0.2)
-    with pytest.raises(UnsuitableError, match="law: it remembers its mode"):
+    with pytest.raises(UnsuitableError, match="law: it needs ravel of a signal"):
         NonlinearBatch(diagram, ["kp"], asked)
     found = Screening(diagram, asked)({"kp": np.array([2.0])})
     assert found.doubtful.all()
@@ -114,6 +114,18 @@ def test_a_piston_that_reaches_its_end_takes_the_exact_path():
     assert found.doubtful[:, 1].all()
     exact = measure(diagram, asked[:1])[0][0].value
     assert found.doubtful[0, 0] or abs(found.values[0, 0] / exact - 1) < 1e-4
+
+
+def test_a_command_that_outlasts_the_time_asked_for_is_read_all_the_same():
+    """It had ended with an internal error: nothing follows the last change of the command."""
+    move = {"r": make("trapezoid", {"distance": 10.0, "max_velocity": 1.0, "max_acceleration": 1.0})}
+    asked = [
+        MetricRequest(metric=name, signals=move, output="y", duration=1.0) for name in ("peak", "iae", "overshoot")
+    ]
+    found = NonlinearBatch(limited(), ["kp"], asked)(np.array([[2.0]]))
+    exact = [measured.value for measured, _ in measure(limited(), asked[:2])]
+    np.testing.assert_allclose(found.values[0, :2], exact, rtol=1e-6)
+    assert found.doubtful[0].tolist() == [False, False, True]
 
 
 def test_threads_and_neighbours_change_nothing():

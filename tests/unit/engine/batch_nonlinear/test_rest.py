@@ -8,6 +8,8 @@ from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.rest import Rest
 from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 
+NO_MODES = np.zeros((0, 3))
+
 
 def driven(plant: dict[str, object], law: Block, **parameters: float) -> Diagram:
     """Return a force that a law of the velocity opposes, moving a plant."""
@@ -46,7 +48,7 @@ def cubic() -> Diagram:
 def test_a_rest_is_found_for_every_candidate():
     """0 = F - c v³: v = (F/c)^(1/3)."""
     points = np.array([[2.0], [0.1], [16.0]])
-    found = Rest(Equations.of(cubic(), ["c"]), [0])(points, np.array([[0.9, 3.0, 0.6]]), [2.0])
+    found = Rest(Equations.of(cubic(), ["c"]), [0])(points, np.array([[0.9, 3.0, 0.6]]), NO_MODES, [2.0])
     np.testing.assert_allclose(found.outputs[0], np.cbrt(2.0 / points[:, 0]), rtol=1e-9)
     assert found.single.all()
 
@@ -58,10 +60,10 @@ def test_what_runs_on_or_is_no_number_has_no_rest_and_neighbours_do_not_notice()
     rest = Rest(equations, [0, 1])
     states = np.array([[0.6, 0.6, np.nan], [1.0, 2.0, 3.0]])
     points = np.array([[2.0], [3.0], [2.0]])
-    running = rest(points, states, [2.0])  # the velocity is constant, the position is not
+    running = rest(points, states, NO_MODES, [2.0])  # the velocity is constant, the position is not
     assert np.isnan(running.outputs).all()
     assert not running.single.any()
-    still = rest(points, states * [[1e-8], [1.0]], [0.0])
+    still = rest(points, states * [[1e-8], [1.0]], NO_MODES, [0.0])
     np.testing.assert_allclose(still.outputs[0, :2], 0.0, atol=1e-9)
     np.testing.assert_allclose(still.outputs[1, :2], [1.0, 2.0], rtol=1e-6)  # anywhere: it stays about where it was
     assert not still.single.any()
