@@ -32,7 +32,7 @@ def _mark() -> Path:
 
 
 def warm() -> None:
-    """Evaluate one small loop, linear and with a limit, which runs through every kernel."""
+    """Evaluate one small loop, linear, with a limit and with play, which runs through every kernel."""
     requests = [
         MetricRequest(metric="rise_time", signals={"reference": make("step", {})}, output="position"),
         MetricRequest(metric="gain_margin", open_at="error"),
@@ -40,8 +40,8 @@ def warm() -> None:
     Batch(_loop(Block(kind="gain", values={"gain": 1.0})), ["controller.gain"], requests).slopes(
         np.ones((1, 1)), np.ones((1, 1, 1))
     )
-    limited = _loop(Block(kind="saturation", values={}))
-    NonlinearBatch(limited, ["controller.gain"], requests, generate=False)(np.array([[1.0]]))
+    for law in (Block(kind="saturation", values={}), Block(kind="backlash", values={"width": 0.1})):
+        NonlinearBatch(_loop(law), ["controller.gain"], requests, generate=False)(np.array([[1.0]]))
     with suppress(OSError):  # nothing can be kept there: every process compiles its own
         _mark().touch()
 

@@ -172,7 +172,9 @@ class Curves:
         """Who has not settled by any standard in a time that was asked for, (B,)."""
         if self.duration is None or not self._constant:
             return np.zeros(self.values.shape[1], dtype=bool)
-        return np.asarray(~self.still & (~self.slow | (self._away > (1 + _BETWEEN) * NEAR)))
+        # near to one of many places to rest is not yet at rest
+        near = NEAR if self.single is None else np.where(self.single, (1 + _BETWEEN) * NEAR, 3 * STILL)
+        return np.asarray(~self.still & (~self.slow | (self._away > near)))
 
     @cached_property
     def stuck(self) -> Flags:
@@ -263,11 +265,16 @@ class Curves:
 
     @cached_property
     def cornered(self) -> Flags:
-        """Who is at a known corner where the curve is furthest from 0: it may have come to it earlier, or stay there, (B,)."""
+        """Who is at a corner where the curve is furthest from 0: it may have come to it earlier, or stay there, (B,).
+
+        Near to one that comes back through a delay nobody knows the instant of a turning point well.
+        """
         if self.corners is None:
             return np.zeros(self.values.shape[1], dtype=bool)
         highest, _, lowest, _ = self.corners.extremes
-        return np.asarray(np.maximum(highest, -lowest) >= (1 - _ROUNDING) * self.size)
+        place = np.argmax(np.abs(self.values), axis=0)
+        bent = np.maximum(self.kink(np.maximum(place - 1, 0)), self.kink(np.minimum(place, len(self.times) - 2)))
+        return np.asarray((np.maximum(highest, -lowest) >= (1 - _ROUNDING) * self.size) | (bent > STILL * self.size))
 
     def kink(self, place: npt.NDArray[np.intp]) -> Real:
         """Return how far the curve may be from its cubic behind the samples ``place`` (B,): h |Δy'|/8 of what sticks out.

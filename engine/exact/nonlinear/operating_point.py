@@ -31,11 +31,15 @@ Real = npt.NDArray[np.float64]
 _ITERATIONS = 40
 _STILL = 1e-9
 """A state rests when Newton's correction is this part of it."""
+_SINGULAR = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OperatingPoint:
-    """A state ``x`` (lanes, n) with its delayed signals ``w``, modes, channels and outputs; ``rests`` is False where none was found."""
+    """A state ``x`` (lanes, n) with its delayed signals ``w``, modes, channels and outputs.
+
+    ``rests`` is False where none was found, ``single`` where there are others beside it.
+    """
 
     x: Array
     w: Array
@@ -45,6 +49,7 @@ class OperatingPoint:
     v: Array
     y: Array
     rests: bool
+    single: bool = False
 
 
 def operating_point(
@@ -176,6 +181,16 @@ def _noise(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]
     return np.asarray(np.abs(np.linalg.pinv(slope, rcond=1e-12)) @ (ROUNDING * size[0] / scale) * scale)
 
 
+def _single(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> bool:
+    """Return whether nothing can rest elsewhere nearby; what nothing follows and nothing moves does not count."""
+    slope, _ = _slope(real, x, inputs, modes)
+    if not np.isfinite(slope).all():
+        return False
+    counts = slope.any(axis=0) | slope.any(axis=1)
+    sizes = np.linalg.svd(slope[np.ix_(counts, counts)], compute_uv=False)
+    return bool(sizes.min(initial=1.0) > _SINGULAR * sizes.max(initial=0.0))
+
+
 def slope_at(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real:
     """Return the slope of the rates by the states (n, n), delayed signals following the states."""
     slope = real.tangent(_still(real, x[None], inputs, modes)).total[0].copy()
@@ -216,5 +231,6 @@ def _complete(
     flow = system.flow(at)
     y, _ = system.read(at, flow.v)
     return OperatingPoint(
-        x=lanes, w=at.w[:, 0], modes=modes, inputs=inputs, e=flow.e[:, 0], v=flow.v[:, 0], y=y[:, 0], rests=rests
-    )
+        x=lanes, w=at.w[:, 0], modes=modes, inputs=inputs, e=flow.e[:, 0], v=flow.v[:, 0], y=y[:, 0], rests=rests,
+        single=rests and _single(system.value, x, inputs, modes),
+    )  # fmt: skip

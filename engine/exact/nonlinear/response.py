@@ -66,6 +66,8 @@ class Response:
     initials: Mapping[str, Array]
     on_its_way: bool = False
     """Whether an output moves at a constant rate that it will not keep."""
+    still: bool = True
+    """Whether those that come to rest have stopped: an integral of the error up to here is then that of all time."""
 
     @property
     def settled(self) -> bool:
@@ -127,8 +129,9 @@ def respond(
         outcome = run.advance(last + length * 2**extension)
         response = _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.NOT_SETTLED)
         most = _MOST_EXTENSIONS if response.on_its_way and not sampled else EXTENSIONS
-        done = endless or response.settled or outcome.verdict is not Verdict.OK or extension >= most
-        if done or _swings(response, last):
+        over = response.settled and response.still
+        done = endless or over or outcome.verdict is not Verdict.OK or extension >= most
+        if done or (not response.settled and _swings(response, last)):
             return response
         extension += 1
 
@@ -228,7 +231,9 @@ def _judged(
     point = operating_point(system, ends, start=outcome.state, modes=outcome.modes)
     seen = max(last, 0.1 * last + 0.9 * outcome.end - _echoes(system))
     tails = [_Tail.of(outcome.output(k), seen) for k in range(len(system.outputs))]
-    near = [point.rests and tail.within(_NEAR, float(point.y[0, k].real)) for k, tail in enumerate(tails)]
+    # where there are other places to rest, which one it is shows at the very end
+    part = _NEAR if point.single else _STILL
+    near = [point.rests and tail.within(part, float(point.y[0, k].real)) for k, tail in enumerate(tails)]
     far = reach(system, point, outcome.state, outcome.end) if any(near) else None
     open_ends = []
     for k, (name, tail) in enumerate(zip(system.outputs, tails, strict=True)):
@@ -253,6 +258,10 @@ def _judged(
         finals=finals,
         initials=initials,
         on_its_way=on_its_way,
+        still=all(
+            final is None or tail.within(_STILL, float(np.ravel(final)[0].real))
+            for tail, final in zip(tails, (finals[name] for name in system.outputs), strict=True)
+        ),
     )
 
 

@@ -134,3 +134,39 @@ def test_a_state_that_rests_as_a_difference_is_at_rest_at_every_gain():
     assert {one.verdict for one in found} == {Verdict.OK}
     bends = np.diff([one.value for one in found], 3)
     assert np.abs(bends).max() < 1e-4
+
+
+@pytest.mark.parametrize("gain", [2.0, 6.0, 10.0])
+def test_play_that_may_rest_anywhere_is_followed_until_it_does(gain):
+    """Where it will rest is not where it would rest now: a run of free length ends as one that is far longer."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("transfer_function", numerator=["=0.1*k", "=k"], denominator=[0.01, 1.0]),
+        "play": block("backlash", width=0.1), "x": block("transfer_function", numerator=[3.0], denominator=[1.0, 2.0, 0.75]),
+    }  # fmt: skip
+    diagram = compile_system(
+        document(blocks, ["r -> e.in1", "x -> e.in2", "e -> c", "c -> play", "play -> x"], {"y": "x"}, k=gain)
+    )
+    metrics = ("settling_time", "overshoot", "rise_time")
+    asked = [
+        MetricRequest(metric=metric, signals={"r": make("step", {"amplitude": 2.0})}, output="y", duration=duration)
+        for duration in (None, 300.0) for metric in metrics
+    ]  # fmt: skip
+    found = [measured.value for measured, _ in measure(diagram, asked)]
+    assert found[:3] == pytest.approx(found[3:], rel=2e-6)
+
+
+def test_an_integral_of_all_time_has_its_tail():
+    """A dead zone between a PID and a mass: it was taken for settled within a thousandth, and itae lacked a hundredth."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("pid", kp=3.4, ki=1.0, kd=0.34, filter_frequency=40.0),
+        "zone": block("dead_zone", lower=-0.02, upper=0.01), "m": block("transfer_function", numerator=[1.0], denominator=[0.8, 1.0]),
+        "x": block("integrator"),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "x -> e.in2", "e -> c", "c -> zone", "zone -> m", "m -> x"]
+    diagram = compile_system(document(blocks, wires, {"y": "x"}))
+    asked = [
+        MetricRequest(metric=metric, signals={"r": make("step", {"amplitude": 2.3})}, output="y", duration=duration)
+        for duration in (None, 400.0) for metric in ("iae", "itae", "ise")
+    ]  # fmt: skip
+    found = [measured.value for measured, _ in measure(diagram, asked)]
+    assert found[:3] == pytest.approx(found[3:], rel=2e-5)
