@@ -2,8 +2,8 @@
 
     doubtful unless  |y_h - y_2h| <= 1e-5 max|y|  at all samples  and  |m_h - m_2h| <= 1e-4 |m|  for every metric m
 
-A limit that is reached makes the method one of second order, a law that switches one of first order; the difference of two marches
-shows the error of the finer one in all these cases. What stays doubtful belongs to the exact path.
+A limit that is reached makes the method one of second order, a law that switches by the instant alone one of first order; the difference of
+two marches shows the error of the finer one in all these cases. What stays doubtful belongs to the exact path.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class NonlinearBatch:
     Raises
     ------
     UnsuitableError
-        If the diagram has delays that vary or no states, or a law that is no formula of the instant; or if it answers none of the requests.
+        If the diagram has delays that vary or no states, or a law that cannot be written as formulas; or if it answers none of the requests.
     """
 
     def __init__(
