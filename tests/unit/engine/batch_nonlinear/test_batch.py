@@ -128,6 +128,31 @@ def test_a_command_that_outlasts_the_time_asked_for_is_read_all_the_same():
     assert found.doubtful[0].tolist() == [False, False, True]
 
 
+def test_rest_at_the_edge_of_a_dead_zone_is_told_as_the_exact_path_tells_it_or_left_to_it():
+    """From outside it is the only place to rest, from inside one of many: rounding says on which side it lies."""
+    blocks = {
+        "r": Block(kind="input", values={}), "e": Block(kind="sum", values={"signs": "+-"}),
+        "c": Block(kind="transfer_function", values={"numerator": ["=0.1*k", "=k"], "denominator": [0.01, 1.0]}),
+        "zone": Block(kind="dead_zone", values={"lower": -0.01, "upper": 0.01}),
+        "x": Block(kind="transfer_function", values={"numerator": [3.0], "denominator": [1.0, 3.0, 0.0]}),
+    }  # fmt: skip
+    wires = [("r", "e.in1"), ("x", "e.in2"), ("e", "c"), ("c", "zone"), ("zone", "x")]
+    diagram = compile_system(
+        System(
+            name="edge", parameters={"k": Parameter(value=2.5)}, blocks=blocks, outputs={"y": "x"},
+            connections=tuple(Connection(source=a, target=b) for a, b in wires),
+        )
+    )  # fmt: skip
+    step = {"r": make("step", {"amplitude": 2.0})}
+    asked = [MetricRequest(metric=name, signals=step, output="y", duration=4.0) for name in ("rise_time", "overshoot")]
+    gains = np.linspace(2.3, 2.65, 8)
+    found = NonlinearBatch(diagram, ["k"], asked)(gains[:, None])
+    for row, gain in enumerate(gains):
+        exact = [measured.value for measured, _ in measure(diagram, asked, overrides={"k": gain})]
+        known = ~found.doubtful[row]
+        np.testing.assert_allclose(found.values[row, known], np.array(exact)[known], rtol=2e-4)
+
+
 def test_threads_and_neighbours_change_nothing():
     asked, points = requests(*TIMED), np.random.default_rng(3).uniform(0.5, 2.0, (70, 2)) * [2.0, 12.0]
     one, two = (NonlinearBatch(limited(), ["kp", "d"], asked)(points, threads=threads) for threads in (1, 2))
