@@ -172,12 +172,7 @@ class Curves:
         """Who has not settled by any standard in a time that was asked for, (B,)."""
         if self.duration is None or not self._constant:
             return np.zeros(self.values.shape[1], dtype=bool)
-        near: Real | float = (1 + _BETWEEN) * NEAR
-        if self.single is not None and self.corners is not None:
-            # near to one of many places to rest is not yet at rest; without modes that are remembered nobody knows on which side of
-            # an edge the place lies, and so whether there are many
-            near = np.where(self.single, near, 3 * STILL)
-        return np.asarray(~self.still & (~self.slow | (self._away > near)))
+        return np.asarray(~self.still & (~self.slow | (self._away > (1 + _BETWEEN) * NEAR)))
 
     @cached_property
     def stuck(self) -> Flags:
