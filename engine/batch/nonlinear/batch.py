@@ -316,7 +316,7 @@ class NonlinearBatch:
             times=marched.times, values=y, slopes=marched.slopes[k], errors=np.empty((0, 2, 0)), start=experiment.begin,
             last=experiment.last, initial=initial, constant=experiment.constant,
             target=None if reference is None else experiment.signals[reference].final(), duration=experiment.duration,
-            corners=None if marched.corners is None else marched.corners.of(k),
+            corners=None if marched.corners is None else marched.corners.of(k), echoes=sum(self._equations.delays),
         )  # fmt: skip
         if not any(self.requests[number].metric in INTEGRALS for number in experiment.requests):
             return curves

@@ -77,6 +77,8 @@ class Curves:
         Where the reference settles.
     duration : float or None
         The limit that was asked for.
+    echoes : float
+        How long what has happened may still be under way through the delays, s.
     corners : Corners or None
         The corners that are known.
     rest : ndarray, shape (B,), or None
@@ -97,6 +99,7 @@ class Curves:
     constant: bool
     target: float | None
     duration: float | None
+    echoes: float = 0.0
     corners: Corners | None = None
     rest: Real | None = None
     single: Flags | None = None
@@ -109,9 +112,9 @@ class Curves:
 
     @cached_property
     def late(self) -> npt.NDArray[np.intp]:
-        """Samples in the last tenth of what follows the last change of the commands; the last one where nothing does."""
-        end = self.times[-1]
-        return np.flatnonzero(self.times >= end - 0.1 * max(end - self.last, 0.0))
+        """Samples in the last tenth of what follows the last change of the commands, and the echoes before; the last one where nothing follows."""
+        end = float(self.times[-1])
+        return np.flatnonzero(self.times >= min(end, max(self.last, 0.1 * self.last + 0.9 * end - self.echoes)))
 
     @cached_property
     def _constant(self) -> bool:
