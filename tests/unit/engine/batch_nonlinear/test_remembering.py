@@ -217,3 +217,20 @@ def test_two_laws_that_hold_the_same_are_left_to_the_exact_path():
     wires = ["F -> net.in1", "one -> net.in2", "two -> net.in3", "net -> v", "v -> one", "v -> two"]
     with pytest.raises(UnsuitableError, match="another law holds what moves with it"):
         Equations.of(compile_system(document(blocks, wires, {"v": "v"})), ())
+
+
+def test_what_is_still_under_way_through_a_delay_has_not_settled():
+    """The last tenth alone is near to rest; with the echo before it, it is not: the end is then the last sample, as on the exact path."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=0.25),
+        "c": block("transfer_function", numerator=["=0.1*k", "=k"], denominator=[0.01, 1.0]),
+        "slew": block("rate_limiter", rising=2.0625),
+        "x": block("transfer_function", numerator=[1.5], denominator=[1.0, 12.0, 47.0, 60.0]),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "late -> e.in2", "e -> c", "c -> slew", "slew -> x", "x -> late"]
+    diagram = compile_system(document(blocks, wires, {"y": "x"}, k=3.0))
+    signals = {"r": make("step", {"amplitude": 1.25})}
+    asked = [MetricRequest(metric="rise_time", signals=signals, output="y", duration=4.0)]
+    found = NonlinearBatch(diagram, ["k"], asked)(np.array([[3.0]]))
+    assert not found.doubtful[0, 0]
+    assert found.values[0, 0] == pytest.approx(measure(diagram, asked)[0][0].value, rel=1e-5)
