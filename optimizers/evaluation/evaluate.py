@@ -25,10 +25,11 @@ import numpy.typing as npt
 
 from engine.batch.screening import Screened, Screening, Slopes
 from engine.model.errors import EngineError
-from engine.model.verdicts import Measured, Verdict
+from engine.model.verdicts import Verdict
 from optimizers.evaluation.certificate import TOLERANCE
-from optimizers.evaluation.compared import Exact, compared, compared_slopes, exactly, numbers_of
+from optimizers.evaluation.compared import compared, compared_slopes, exactly, numbers_of
 from optimizers.evaluation.constraint_violation import BROKEN, excess_slopes, signed_excess
+from optimizers.evaluation.exact_values import ExactValues
 from optimizers.evaluation.measuring import measured as measured_goals
 from optimizers.evaluation.measuring import screened as screened_requests
 from optimizers.evaluation.spreading import Parcel, Values, current, joined
@@ -100,25 +101,19 @@ class Evaluator:
     problem : Problem
     threads : int, optional
         How many threads compute; as many as there are processors for this process by default.
+    exact : ExactValues, optional
+        Those of another evaluator of the same problem, so that nothing is measured twice.
     """
 
-    def __init__(self, problem: Problem, *, threads: int | None = None) -> None:
+    def __init__(self, problem: Problem, *, threads: int | None = None, exact: ExactValues | None = None) -> None:
         self.problem = problem
+        self.exact = exact or ExactValues(problem)
         self.evaluations = 0
         #: How long a candidate took in the last call (s), None where nobody has measured it.
         self.seconds_each: float | None = None
         self._screening = Screening(problem.diagram, screened_requests(problem), threads=threads)
-        self._proven: dict[tuple[float, ...], list[list[Exact]]] = {}
         self._settled: dict[bytes, Assessment] = {}
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
-
-    @cached_property
-    def before(self) -> list[list[Measured]]:
-        """Every goal in every scenario at the present parameter values, exactly: [scenario][goal]."""
-        return [
-            [measured for measured, _ in measured_goals(self.problem, self.problem.before, scenario, tied=False)]
-            for scenario in self.problem.scenarios
-        ]
 
     @cached_property
     def norms(self) -> Vector:
@@ -126,7 +121,7 @@ class Evaluator:
         norms = np.ones(len(self.problem.goals))
         if len(self.problem.objectives) > 1:
             for goal in self.problem.objectives:
-                sizes = np.abs(numbers_of(self.problem.goals, self.before)[:, goal])
+                sizes = np.abs(numbers_of(self.problem.goals, self.exact.before)[:, goal])
                 norms[goal] = sizes[np.isfinite(sizes)].max(initial=0.0) or 1.0
         return norms
 
@@ -194,15 +189,6 @@ class Evaluator:
         else:
             found = others.values(self, positions, roughly=roughly)
         return self._assessment(found.values, found.growth, found.doubtful)
-
-    def exact(self, point: Mapping[str, float]) -> list[list[Exact]]:
-        """Return every goal with its derivatives by the variables, by the exact path: [scenario][goal]."""
-        key = tuple(point[axis.parameter] for axis in self.problem.axes)
-        if key not in self._proven:
-            self._proven[key] = [
-                measured_goals(self.problem, point, scenario, gradient=True) for scenario in self.problem.scenarios
-            ]
-        return self._proven[key]
 
     def settled(self, position: Vector) -> Assessment:
         """Return the ranking quantities of one point as the exact path has them."""

@@ -254,7 +254,7 @@ def _measured(evaluator: Evaluator, positions: Matrix) -> Front | None:
     points, numbers = [], []
     for position in positions:
         variables = problem.values(position)
-        rows = [[measured for measured, _ in row] for row in evaluator.exact(variables)]
+        rows = [[measured for measured, _ in row] for row in evaluator.exact.at(variables)]
         if not certificate_of(problem, rows).valid:
             continue
         values = tuple(_worst(problem, g, [row[g] for row in rows]) for g in range(len(problem.goals)))

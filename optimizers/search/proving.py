@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimizers.evaluation.certificate import certificate_of, certify
+from optimizers.evaluation.certificate import certificate_of
 from optimizers.evaluation.compared import exactly
 from optimizers.evaluation.evaluate import Evaluator, Local
 from optimizers.problem import Vector
@@ -56,7 +56,7 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
         return
     proven = tracker.best, tracker.rank, tracker.stationarity
     descend_beside(tracker, tracker.best, evaluations=_affordable(tracker))
-    if tracker.best is not proven[0] and not certify(tracker.evaluator.problem, _values(tracker)).valid:
+    if tracker.best is not proven[0] and not tracker.evaluator.exact.certificate(_values(tracker)).valid:
         tracker.best, tracker.rank, tracker.stationarity = proven
     if tracker.stationarity is None:  # the best point is a later one than the last proof
         Polish(tracker, margins).run(tracker.best, evaluations=1)
@@ -79,7 +79,7 @@ def _tighten(tracker: Tracker, margins: Vector) -> None:
     for _ in range(_ROUNDS):
         if tracker.best is None or tracker.rank[0] > 0:
             return
-        rows = tracker.evaluator.exact(problem.values(tracker.best))
+        rows = tracker.evaluator.exact.at(problem.values(tracker.best))
         certificate = certificate_of(problem, [[measured for measured, _ in row] for row in rows])
         if certificate.valid:
             return
@@ -100,7 +100,7 @@ class _Exactly(Evaluator):
         """Return values and slopes at one point, or None where a metric has no value in some scenario."""
         self.evaluations += 1
         point = self.problem.values(position)
-        rows = self.exact(point)
+        rows = self.exact.at(point)
         reach = np.array([axis.slope(point[axis.parameter]) for axis in self.problem.axes])
         values, slopes = exactly(self.problem.goals, rows, len(reach))
         if np.isnan(values).any():
@@ -114,7 +114,7 @@ def _mistrust(tracker: Tracker, margins: Vector) -> None:
     """Go on with exact evaluations where the objective of the best point is not what fast ones say."""
     if tracker.best is None or tracker.rank[0] > 0:
         return
-    exactly = _Exactly(tracker.evaluator.problem)
+    exactly = _Exactly(tracker.evaluator.problem, exact=tracker.evaluator.exact)
     found = exactly.local(tracker.best)
     if found is None:
         return

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from engine.model.verdicts import Measured, Verdict
-from optimizers.evaluation.certificate import TOLERANCE, Certificate, certify, disagreement, worst_scenario
+from optimizers.evaluation.certificate import TOLERANCE, Certificate, disagreement, worst_scenario
 from optimizers.evaluation.compared import exactly, number_of
 from optimizers.evaluation.constraint_violation import signed_excess
 from optimizers.evaluation.effort import Stage, during
@@ -62,8 +62,8 @@ def conclude(
     best = problem.values(position)
     names = [axis.parameter for axis in problem.axes]
     with during(Stage.CERTIFICATE):
-        found = evaluator.exact(best)
-        certificate = certify(problem, best)
+        found = evaluator.exact.at(best)
+        certificate = evaluator.exact.certificate(best)
     rows = [[measured for measured, _ in row] for row in found]
     shown = np.array(
         [[np.full(len(names), np.nan) if gradient is None else gradient.values for _, gradient in row] for row in found]
@@ -77,7 +77,7 @@ def conclude(
     goals = []
     for g, goal in enumerate(problem.goals):
         proof = certificate.goals[g]
-        before = [row[g] for row in evaluator.before]
+        before = [row[g] for row in evaluator.exact.before]
         after = rows[proof.scenario][g]
         moves = shown[proof.scenario, g]
         goals.append(
