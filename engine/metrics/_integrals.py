@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from engine.exact.time.curve import Curve
+from engine.exact.time.tail_of_integral import has_ended
 from engine.metrics._base import NEGLIGIBLE, Absent, Found, unsettled
 from engine.model.verdicts import Verdict
 
@@ -20,6 +21,9 @@ def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae", 
     error = _error_to_its_end(subject)
     if isinstance(error, Absent):
         return error
+    if subject.duration is None and subject.fading() is None and not _has_ended(subject, error, kind):
+        advice = "the error dies away so slowly that its integral has not come to an end: give a duration"
+        return Absent(verdict=Verdict.NOT_SETTLED, advice=advice)
     if kind == "ise":
         return Found(value=_since_start(subject, error.squared()))
     if kind == "ie":
@@ -46,6 +50,13 @@ def _error_to_its_end(subject: TimeSubject) -> Curve | Absent:
             verdict=Verdict.DIVERGES, advice="the error does not go to zero: add integral action or give a duration"
         )
     return _error(subject, subject.error).since(subject.start)
+
+
+def _has_ended(subject: TimeSubject, error: Curve, kind: str) -> bool:
+    """Return whether the integral lacks nothing where the run ends; a linear response is followed until nothing is left."""
+    times, values = error.nodes()
+    sizes = values**2 if kind == "ise" else np.abs(values) * (times - subject.start if kind == "itae" else 1.0)
+    return bool(has_ended(times, sizes[:, None], subject.start if subject.end is None else subject.end)[0])
 
 
 def _error(subject: TimeSubject, error: Curve) -> Curve:

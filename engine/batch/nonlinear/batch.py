@@ -266,7 +266,7 @@ class NonlinearBatch:
                 )
                 floors[:, column] = floor(request.metric, own)
                 integral = request.metric in INTEGRALS and experiment.duration is None
-                settled &= own.still if integral else own.settled
+                settled &= own.still & own.dies_away if integral else own.settled
                 steady |= own.steady
         doubtful[~marched.covered] = True
         return Look(

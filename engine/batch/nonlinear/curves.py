@@ -15,6 +15,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.exact.time.tail_of_integral import has_ended
+
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Reading = tuple[Real, Flags]
@@ -142,6 +144,14 @@ class Curves:
     def _stands(self) -> Flags:
         """Whose last tenth stands still, whatever it may do later, (B,)."""
         return np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * self._spread)
+
+    @cached_property
+    def dies_away(self) -> Flags:
+        """Whose distance from the last value, weighted with time, has an integral that lacks nothing, (B,)."""
+        behind = self.times >= self.last
+        times = self.times[behind]
+        away = (times - self.last)[:, None] * np.abs(self.values[behind] - self.values[-1])
+        return has_ended(times, away, self.last)
 
     @cached_property
     def slow(self) -> Flags:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from engine.batch.nonlinear.curves import NEARLY, RESOLVED, STILL, Curves, Flags, Reading, Real
+from engine.exact.time.tail_of_integral import has_ended
 from engine.metrics import catalogue
 from engine.model.metric_options import USUAL_BAND
 
@@ -96,8 +97,10 @@ def _integral(of: Callable[[Real, Real], Real]) -> Callable[[Curves], Reading]:
         value = curves.integral(of)
         if curves.duration is not None:
             return value, np.zeros(len(value), dtype=bool)
-        rest = np.abs(curves.errors[-1, 0]) > STILL * np.abs(curves.errors[:, 0]).max(axis=0)
-        return value, ~curves.still | rest  # the exact path says whether what is left is an error or rounding
+        errors = curves.errors[:, 0]
+        rest = np.abs(errors[-1]) > STILL * np.abs(errors).max(axis=0)
+        ended = has_ended(curves.times, of(errors, (curves.times - curves.start)[:, None]), curves.last)
+        return value, ~curves.still | rest | ~ended  # the exact path says whether what is left is an error or rounding
 
     return read
 

@@ -23,6 +23,7 @@ from engine.exact.nonlinear.outcome import Outcome
 from engine.exact.nonlinear.running_on import forecast, reach
 from engine.exact.nonlinear.switching import StoppedError
 from engine.exact.time.struck import areas_of, refuse_straight
+from engine.exact.time.tail_of_integral import has_ended
 from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ _STEADY = 1e-6
 _ROUNDING = 1e-14
 _SWINGS = 3
 """What is on its way and has turned back so often, never sooner nor less than before, does not arrive."""
+_PATIENCE = 4
+"""So many doublings one that has settled has to come to a stop in: what hunts ever more slowly never does."""
 _MOST_EXTENSIONS = 20
 """So many doublings are the end also for what is on its way, where a step may be as long as it likes."""
 
@@ -67,7 +70,7 @@ class Response:
     on_its_way: bool = False
     """Whether an output moves at a constant rate that it will not keep."""
     still: bool = True
-    """Whether those that come to rest have stopped: an integral of the error up to here is then that of all time."""
+    """Whether those that come to rest have stopped, and sooner than powers of time do: an integral of the error is then that of all time."""
 
     @property
     def settled(self) -> bool:
@@ -124,16 +127,18 @@ def respond(
     length = max(pace, 3 * periods, 1e-9)
     endless = any(s.final() is None for s in signals.values())
     sampled = any(law.element.period(law.values) is not None for law in system.laws)
-    extension = 0
+    extension = waited = 0
     while True:
         outcome = run.advance(last + length * 2**extension)
         response = _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.NOT_SETTLED)
         most = _MOST_EXTENSIONS if response.on_its_way and not sampled else EXTENSIONS
-        over = response.settled and response.still
-        done = endless or over or outcome.verdict is not Verdict.OK or extension >= most
-        if done or (not response.settled and _swings(response, last)):
+        over = response.settled and (response.still or waited == _PATIENCE)
+        long_enough = extension >= most and not response.settled
+        if endless or over or outcome.verdict is not Verdict.OK or long_enough:
             return response
-        extension += 1
+        if not response.settled and _swings(response, last):
+            return response
+        extension, waited = extension + 1, waited + response.settled
 
 
 def _swings(response: Response, last: float) -> bool:
@@ -230,7 +235,8 @@ def _judged(
     ends = {name: float(s.final() or 0.0) for name, s in signals.items()}
     point = operating_point(system, ends, start=outcome.state, modes=outcome.modes)
     seen = max(last, 0.1 * last + 0.9 * outcome.end - _echoes(system))
-    tails = [_Tail.of(outcome.output(k), seen) for k in range(len(system.outputs))]
+    curves = [outcome.output(k) for k in range(len(system.outputs))]
+    tails = [_Tail.of(curve, seen) for curve in curves]
     # where there are other places to rest, which one it is shows at the very end
     part = _NEAR if point.single else _STILL
     near = [point.rests and tail.within(part, float(point.y[0, k].real)) for k, tail in enumerate(tails)]
@@ -259,10 +265,16 @@ def _judged(
         initials=initials,
         on_its_way=on_its_way,
         still=all(
-            final is None or tail.within(_STILL, float(np.ravel(final)[0].real))
-            for tail, final in zip(tails, (finals[name] for name in system.outputs), strict=True)
+            final is None or (tail.within(_STILL, at := float(np.ravel(final)[0].real)) and _dies_away(curve, at, last))
+            for tail, curve, final in zip(tails, curves, (finals[name] for name in system.outputs), strict=True)
         ),
     )
+
+
+def _dies_away(curve: Curve, final: float, last: float) -> bool:
+    """Return whether ∫ t |y - final| has come to its end."""
+    times, values = curve.since(last).nodes()
+    return bool(has_ended(times, ((times - last) * np.abs(values - final))[:, None], last)[0])
 
 
 def _echoes(system: NonlinearSystem) -> float:

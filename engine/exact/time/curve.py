@@ -70,6 +70,12 @@ class Curve:
         """Real parts of the edges, shape (pieces + 1,)."""
         return np.asarray(self.edges[:, 0].real)
 
+    def nodes(self) -> tuple[Real, Real]:
+        """Return the instants (s) and real values of all nodes, one after the other; neighbours share their common edge."""
+        edges = self.times
+        times = edges[:-1, None] + NODES * np.diff(edges)[:, None]
+        return times.ravel(), self.values[:, :, 0].real.ravel()
+
     @property
     def slope(self) -> Curve:
         """The derivative with respect to time, piece by piece (jumps are not counted)."""
