@@ -31,6 +31,7 @@ from engine.model.verdicts import Verdict
 if TYPE_CHECKING:
     from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
+    from engine.exact.frequency.poles import Poles
     from engine.exact.nonlinear.outcome import Outcome
     from engine.model.linear_system import Array
     from engine.signals import Signal
@@ -114,7 +115,7 @@ class Evaluation(RealizedDiagram):
             ends = [len(whole.inputs) - 1], [len(whole.outputs) - 1]
             cut = path(whole, *ends, self._poles_of)
             opened, exact = _negated(cut), self._by_rates(cut, *ends, open_at)
-            closed = self._poles_of(_closed(opened.value))
+            closed = self._closed_again(opened.value, open_at)
             own = self._poles_of(opened.value)
             resting = Resting(self.diagram, self.overrides, self._steps, open_at)
             gain = resting.gain(exact, own, ends[0][0], ends[1][0])
@@ -124,6 +125,14 @@ class Evaluation(RealizedDiagram):
                 response=response, static=static, opened=own, closed=closed, verdict=closed.verdict
             )
         return self._loops[open_at]
+
+    def _closed_again(self, opened: LaneSystem, open_at: Opening) -> Poles:
+        """Return the poles of a loop when it is closed; those of the whole system where it is all of that."""
+        alone = not isinstance(open_at, tuple)
+        # with delays poles take as long as all else of a loop; without, the whole system may not even be there
+        if alone and opened.m and (opened.n, opened.m) == (self.system.n, self.system.m):
+            return self.poles
+        return self._poles_of(_closed(opened))
 
     def path(self, source: str, target: str) -> PathSubject:
         """Return the frequency response from an input to an output of the diagram."""

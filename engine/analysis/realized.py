@@ -158,12 +158,12 @@ class RealizedDiagram:
     @cached_property
     def poles(self) -> Poles:
         """Poles of the whole closed system; with samplers those of the map over their common period."""
-        return sampled_poles(self._sampled) if self.diagram.sampled else poles(self.system)
+        return sampled_poles(self._sampled) if self.diagram.sampled else self._poles_of(self.system)
 
     @cached_property
     def pace(self) -> Poles:
         """Poles that tell how long things last: with samplers those of their continuous stand-ins."""
-        return poles(self.system)
+        return self._poles_of(self.system)
 
     def _poles_of(self, part: LaneSystem) -> Poles:
         """Return the poles of a part; many paths share one."""
