@@ -85,6 +85,9 @@ class Switchboard:
         self._leanings: dict[tuple[int, Mode, int], Array] = {}
         self.largest = np.zeros(system.matrices["c3"].shape[-2])
         self._noise, self._states = np.zeros_like(self.largest), np.zeros(system.states)
+        m = self.real.matrices
+        self._reach: Array = np.abs(m["c3"][0]) @ np.abs(m["b3"][0])
+        """From the laws' outputs to the rates of their inputs, (channels, outputs)."""
 
     # what the step before has left
 
@@ -233,7 +236,9 @@ class Switchboard:
         """Tell the laws whose inputs jump to prepare for it; return whether there are some."""
         old, outputs = before
         size = np.maximum(self.largest, np.abs(e[0, 0].real))
-        jumps = np.abs((e - old)[0, 0].real) > _JUMP * size
+        # what has been held so far has no size of its own: what rounding of the force on it moves it by is no jump
+        pushed = ROUNDING * float(self.t[0].real) * (self._reach @ np.abs(outputs[0, 0].real))
+        jumps = np.abs((e - old)[0, 0].real) > np.maximum(_JUMP * size, pushed)
         if not jumps.any():
             return False
         for number, law in enumerate(self.system.laws):
