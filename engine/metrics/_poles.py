@@ -10,6 +10,9 @@ import numpy.typing as npt
 from engine.metrics._base import NEGLIGIBLE
 from engine.model.tangent import INFINITESIMAL
 
+_KEPT = np.exp(-1.0)
+"""What is left of a pole after the delay of its loop, at least: a loop of integrator and delay that oscillates keeps more."""
+
 if TYPE_CHECKING:
     from engine.exact.frequency.poles import Poles
     from engine.metrics._base import SystemSubject
@@ -19,13 +22,15 @@ if TYPE_CHECKING:
 def oscillatory(subject: SystemSubject) -> list[tuple[Array, Array]]:
     """Return (real part, imaginary part) of the upper pole of every complex pair, with their infinitesimals.
 
-    Of the endless chain of a loop with a delay only the dominant pair counts: far from the origin the damping ratios of
-    its poles go to 0 although they decay ever faster.
+    Of the endless chain of a loop with a delay those count that keep a part of themselves over the delay, and in any case the
+    dominant pair: far from the origin the damping ratios go to 0 although the poles decay ever faster. Where all that are
+    known keep as much, as of an echo, there may be more of them: then the dominant pair counts.
     """
     poles = subject.poles
+    brief = poles.values.real * poles.delay < np.log(_KEPT)
     pairs, chained = [], False
     for k in np.flatnonzero(~_real(poles) & (poles.values.imag > 0)):  # by falling real part
-        if not (chained and poles.endless[k]):
+        if not poles.endless[k] or not chained or (brief.any() and not brief[k]):
             chained = chained or bool(poles.endless[k])
             step = INFINITESIMAL * poles.motion[k]
             pairs.append((poles.values[k].real + 1j * step.real, poles.values[k].imag + 1j * step.imag))

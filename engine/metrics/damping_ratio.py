@@ -27,8 +27,8 @@ class DampingRatio(SystemMetric):
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = (
         "Smallest -Re p / |p| of any pole p: a real stable pole has 1, an unstable one -1. A pole at 0 only integrates and has "
-        "none; a system without other poles has an infinite one. Of the endless many pairs of a loop with a delay the dominant "
-        "one counts."
+        "none; a system without other poles has an infinite one. Of the endless many pairs of a loop with a delay those count "
+        "of which more than 1/e is left after the delay, and the dominant one."
     )
     range: ClassVar[tuple[float, float]] = (-1.0, 1.0)
     usual_unit: ClassVar[str] = "%"

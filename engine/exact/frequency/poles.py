@@ -48,8 +48,8 @@ class Poles:
         How far rounding may have moved each pole.
     motion : ndarray, shape (poles, lanes), complex
         Derivative of each pole along each lane.
-    endless : ndarray, shape (poles,), bool
-        Which poles belong to the endless chain of a loop with a delay. Its damping ratios go to 0 far from the origin.
+    delay : ndarray, shape (poles,), s
+        The longest delay of the loop whose endless chain of poles one belongs to; 0 of others.
     neutral : bool
         True when an undamped echo (a loop of delays and direct gains alone, of gain >= 1) makes the system unstable.
     """
@@ -57,8 +57,13 @@ class Poles:
     values: Complex
     uncertainty: npt.NDArray[np.float64]
     motion: Complex
-    endless: npt.NDArray[np.bool_]
+    delay: npt.NDArray[np.float64]
     neutral: bool = False
+
+    @property
+    def endless(self) -> npt.NDArray[np.bool_]:
+        """Which poles belong to the endless chain of a loop with a delay. Its damping ratios go to 0 far from the origin."""
+        return np.asarray(self.delay > 0)
 
     @property
     def at_zero(self) -> npt.NDArray[np.bool_]:
@@ -112,7 +117,7 @@ def poles(system: LaneSystem) -> Poles:
         values=values[order],
         uncertainty=np.concatenate([np.zeros(0), *(part.uncertainty for part in parts)])[order],
         motion=np.concatenate([np.zeros((0, system.lanes), complex), *(part.motion for part in parts)])[order],
-        endless=np.concatenate([np.zeros(0, dtype=bool), *(part.endless for part in parts)])[order],
+        delay=np.concatenate([np.zeros(0), *(part.delay for part in parts)])[order],
         neutral=any(part.neutral for part in parts),
     )
 
@@ -140,9 +145,9 @@ def _poles_of_part(system: LaneSystem) -> Poles:
     if system.dtype is np.complex128:
         for k, s in enumerate(values):
             motion[k] = _motion(system, s, left[:, k], right[:, k])
-    endless = np.full(len(values), system.m > 0)
+    delay = np.full(len(values), system.delays[0].real.max(initial=0.0))
     echoes = neutral(system.d22[0].real, system.delays[0].real)
-    return Poles(values=values, uncertainty=uncertainty, motion=motion, endless=endless, neutral=echoes)
+    return Poles(values=values, uncertainty=uncertainty, motion=motion, delay=delay, neutral=echoes)
 
 
 def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDArray[np.float64]]:

@@ -62,7 +62,7 @@ def sampled_poles(system: SampledSystem) -> Poles:
         values=values[order],
         uncertainty=np.concatenate([np.zeros(0), *(part.uncertainty for part in parts)])[order],
         motion=np.concatenate([np.zeros((0, system.lanes), complex), *(part.motion for part in parts)])[order],
-        endless=np.zeros(len(values), dtype=bool),
+        delay=np.zeros(len(values)),
     )
 
 
@@ -98,7 +98,7 @@ def _of_loop(part: SampledSystem) -> Poles:
         s = s + np.asarray(2j * np.pi / length * _aliases(part, own, z))
     motion = (moved / z[:, None] - s[:, None] * slopes(period.length)) / length
     uncertainty = found.uncertainty[kept] / np.abs(z) / length
-    return Poles(values=s, uncertainty=uncertainty, motion=motion, endless=np.zeros(len(s), dtype=bool))
+    return Poles(values=s, uncertainty=uncertainty, motion=motion, delay=np.zeros(len(s)))
 
 
 def _of_itself(eigenvalues: Complex, own: Spectrum) -> npt.NDArray[np.bool_]:

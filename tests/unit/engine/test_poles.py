@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
+from engine.analysis.study import MetricRequest, measure
+from engine.diagram.diagram import compile_system
 from engine.exact.frequency.dc_gain import static_gain
 from engine.exact.frequency.path import path
 from engine.exact.frequency.poles import poles
 from engine.model.linear_system import LaneSystem, LinearSystem
 from engine.model.tangent import INFINITESIMAL
 from engine.model.verdicts import Verdict
+from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.test_trajectory import integrator_with_delay
 
 
@@ -117,3 +120,38 @@ def test_an_integrator_beside_a_very_fast_pole_integrates() -> None:
     a = np.array([[0.0, 1, 0], [0, -4, 3], [0, -2e10, -2e10]])
     b, c, d = np.array([[0.0], [0], [2e10]]), np.array([[1.0, 0, 0]]), np.zeros((1, 1))
     assert poles(lanes(LinearSystem.delay_free(a, b, c, d))).verdict is Verdict.INTEGRATING
+
+
+@pytest.mark.parametrize("delay", [0.0, 1e-6, 1e-3, 0.05])
+def test_a_resonance_counts_however_short_the_delay_of_its_loop_is(delay: float) -> None:
+    """A pair at 100 rad/s with a damping of 0.04 behind a slow plant, in a loop of gain 0.05: held against Newton on the loop's equation."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "gain": block("gain", gain=0.05),
+        "slow": block("transfer_function", numerator=[9.0], denominator=[1.0, 4.8, 9.0]),
+        "resonance": block("transfer_function", numerator=[1e4], denominator=[1.0, 8.0, 1e4]),
+        "wait": block("delay", time=delay),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "wait -> e.in2", "e -> gain", "gain -> slow", "slow -> resonance", "resonance -> wait"]
+    (found, _), = measure(
+        compile_system(document(blocks, wires, {"y": "wait"})), [MetricRequest(metric="damping_ratio")]
+    )  # fmt: skip
+    s = -4 + 100j
+    for _ in range(50):
+        slow, fast, echo = s**2 + 4.8 * s + 9, s**2 + 8 * s + 1e4, 0.05 * 9e4 * np.exp(-s * delay)
+        slope = (2 * s + 4.8) * fast + slow * (2 * s + 8) - delay * echo
+        s -= (slow * fast + echo) / slope
+    assert found.value == pytest.approx(-s.real / abs(s), rel=1e-9)
+
+
+def test_of_the_fast_pairs_behind_a_delay_only_those_count_that_last() -> None:
+    """x' = -K x(t - 1): the dominant pair is Lambert's W_0, and the next, which has a smaller damping ratio, loses 5/6 of itself in a delay."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "x": block("integrator", gain=0.5), "wait": block("delay", time=1.0),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "wait -> e.in2", "e -> x", "x -> wait"]
+    (found, _), = measure(
+        compile_system(document(blocks, wires, {"y": "wait"})), [MetricRequest(metric="damping_ratio")]
+    )  # fmt: skip
+    first, second = lambertw(-0.5, 0), lambertw(-0.5, 1)
+    assert -second.real / abs(second) < -first.real / abs(first)
+    assert found.value == pytest.approx(-first.real / abs(first), rel=1e-9)
