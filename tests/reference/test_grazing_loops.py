@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.analysis.study import frequency_response
+from engine.analysis.study import MetricRequest, frequency_response, measure
+from engine.batch.screening import Screening
 from engine.diagram.diagram import Diagram
 from engine.model.verdicts import Verdict
 from tests.reference.systems import block, system
@@ -101,3 +102,32 @@ def test_a_curve_that_passes_the_point_by_a_millionth(turn: int, beyond: float) 
         assert study.nyquist is not None
         assert study.nyquist.closed_loop == unstable
         assert study.verdict is (Verdict.UNSTABLE if unstable else Verdict.OK)
+
+
+@pytest.mark.parametrize("metric", ["delay_margin", "phase_margin", "gain_margin"])
+def test_many_candidates_whose_resonance_just_passes_or_does_not(metric: str) -> None:
+    """A slow pole and a resonance behind a delay: from 1e-6 to 0.03 beside a gain of 1, where the margin jumps."""
+    generator = np.random.default_rng(5)
+    compared = 0
+    for _ in range(4):
+        damping, delay = float(10 ** generator.uniform(-2.5, -1.3)), float(generator.uniform(0.05, 0.6))
+        denominator = [1.0, 2 * damping + 0.05, 1.0 + 0.1 * damping, 0.05]  # (s² + 2ζs + 1)(s + 0.05)
+        blocks = {
+            "r": block("input"), "e": block("sum", signs="+-"), "k": block("gain", gain=1.0), "late": block("delay", time=delay),
+            "plant": block("transfer_function", numerator=[1.0], denominator=denominator),
+        }  # fmt: skip
+        wires = ["r -> e.in1", "plant -> e.in2", "e -> k", "k -> late", "late -> plant"]
+        diagram = system(blocks, wires, {"y": "plant"})
+        omega = np.linspace(0.9, 1.1, 200_001)
+        highest = 1.0 / np.abs(np.polyval(denominator, 1j * omega)).min()
+        away = 10 ** generator.uniform(-6, -1.5, 30) * generator.choice([-1, 1], 30)
+        gains = (1 + away) / highest
+        request = MetricRequest(metric=metric, open_at="e")
+        found = Screening(diagram, [request])({"k.gain": gains})
+        for k in np.flatnonzero((found.growth < 0) & ~found.doubtful[:, 0]):
+            (exact, _), = measure(diagram, [request], overrides={"k.gain": float(gains[k])})  # fmt: skip
+            assert found.values[k, 0] == pytest.approx(np.inf if exact.value is None else exact.value, rel=1e-6), away[
+                k
+            ]
+            compared += 1
+    assert compared > 60

@@ -121,7 +121,7 @@ def bandwidth(path: Path, scan: Scan) -> Readings:
         except np.linalg.LinAlgError:
             return Readings(value=np.full(batch, np.nan, dtype=complex), doubtful=np.ones(batch, dtype=bool))
     level = np.abs(static.real) * 10**-0.15
-    rows, omega = scan.crossings(lambda g, systems: np.abs(g) - level[systems, None], first_fall=True)
+    rows, omega, doubtful = scan.crossings(lambda g, systems: np.abs(g) - level[systems, None], first_fall=True)
     value = np.full(batch, np.inf, dtype=complex)
     omega = _newton(
         path, rows, omega, lambda g: np.abs(g) - level[rows], lambda g, slope: (np.conj(g) * slope).real / np.abs(g)
@@ -134,15 +134,15 @@ def bandwidth(path: Path, scan: Scan) -> Readings:
     value[rows] = _dual(omega, shift)
     scale = np.abs(scan.response).max(axis=1)
     value[np.abs(static.real) <= 1e-9 * scale] = np.nan
-    return Readings(value=value, doubtful=np.zeros(batch, dtype=bool))
+    return Readings(value=value, doubtful=doubtful)
 
 
-def _nearest(batch: int, rows: Array, value: Array, order: Array) -> Readings:
-    """Return for each system the value whose ``order`` is smallest, infinite where there is none."""
-    result = np.full(batch, np.inf, dtype=complex)
+def _nearest(doubtful: Array, rows: Array, value: Array, order: Array) -> Readings:
+    """Return for each system the value whose ``order`` is smallest, infinite where there is none; ``doubtful`` (B,) stay so."""
+    result = np.full(len(doubtful), np.inf, dtype=complex)
     for index in np.argsort(-order, kind="stable"):
         result[rows[index]] = value[index]
-    return Readings(value=result, doubtful=np.zeros(batch, dtype=bool))
+    return Readings(value=result, doubtful=doubtful)
 
 
 def balanced_peak(path: Path, scan: Scan) -> Readings:
@@ -151,9 +151,9 @@ def balanced_peak(path: Path, scan: Scan) -> Readings:
     return Readings(value=1 / found.value, doubtful=found.doubtful)
 
 
-def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array]:
-    """Return (systems, -1 / L with infinitesimals) wherever L is real and negative, both ends of the axis included."""
-    rows, omega = scan.crossings(lambda g, _: g.imag)
+def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
+    """Return (systems, -1 / L with infinitesimals) wherever L is real and negative, both ends of the axis included, and who is doubtful."""
+    rows, omega, doubtful = scan.crossings(lambda g, _: g.imag)
     omega = _newton(path, rows, omega, lambda g: g.imag, lambda _, slope: slope.imag)
     value, moved, slope = solved(path, rows, omega)
     shift = -moved.imag / np.where(slope.imag == 0, np.inf, slope.imag)
@@ -166,64 +166,63 @@ def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array]:
     direct = path.d[:, 0, 0] + 0j
     passing = everyone[(direct.real < -SMALLEST_LOOP_GAIN) & (path.delays.shape[1] == 0)]
     gains = np.concatenate([real[counts], _dual(value.real, moved.real), direct[passing]])
-    return np.concatenate([rows[counts], resting, passing]), -1 / gains
+    return np.concatenate([rows[counts], resting, passing]), -1 / gains, doubtful
 
 
 def gain_margin(path: Path, scan: Scan) -> Readings:
     """-1 / L where L is real and negative, nearest 1 on a logarithmic scale."""
-    rows, margin = _gain_margins(path, scan)
-    found = _nearest(path.batch, rows, margin, np.abs(np.log(margin.real)))
+    rows, margin, doubtful = _gain_margins(path, scan)
+    found = _nearest(doubtful, rows, margin, np.abs(np.log(margin.real)))
     # a crossing that the scan steps over is nearer to 1 only where |L| is
     nearest = np.minimum(np.abs(found.value.real), 1 / np.abs(found.value.real))
-    return Readings(value=found.value, doubtful=scan.hidden(np.maximum(nearest, SMALLEST_LOOP_GAIN)))
+    return Readings(value=found.value, doubtful=doubtful | scan.hidden(np.maximum(nearest, SMALLEST_LOOP_GAIN)))
 
 
 def gain_margin_up(path: Path, scan: Scan) -> Readings:
     """The smallest gain margin above 1."""
-    rows, margin = _gain_margins(path, scan)
+    rows, margin, doubtful = _gain_margins(path, scan)
     rows, margin = rows[margin.real > 1], margin[margin.real > 1]
-    found = _nearest(path.batch, rows, margin, margin.real)
-    return Readings(value=found.value, doubtful=scan.hidden(np.maximum(1 / found.value.real, SMALLEST_LOOP_GAIN)))
+    found = _nearest(doubtful, rows, margin, margin.real)
+    smallest = np.maximum(1 / found.value.real, SMALLEST_LOOP_GAIN)
+    return Readings(value=found.value, doubtful=doubtful | scan.hidden(smallest))
 
 
 def gain_margin_down(path: Path, scan: Scan) -> Readings:
     """The largest gain margin below 1, 0 where there is none."""
-    rows, margin = _gain_margins(path, scan)
+    rows, margin, doubtful = _gain_margins(path, scan)
     rows, margin = rows[margin.real < 1], margin[margin.real < 1]
-    found = _nearest(path.batch, rows, margin, -margin.real).value
-    return _unless_hidden(
-        scan, Readings(value=np.where(np.isinf(found), 0.0, found), doubtful=np.zeros(path.batch, bool))
-    )
+    found = _nearest(doubtful, rows, margin, -margin.real).value
+    return _unless_hidden(scan, Readings(value=np.where(np.isinf(found), 0.0, found), doubtful=doubtful))
 
 
-def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
-    """Return (systems, frequencies, π + arg L), both with infinitesimals, wherever |L| = 1."""
-    rows, omega = scan.crossings(lambda g, _: np.abs(g) - 1)
+def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array, Array]:
+    """Return (systems, frequencies, π + arg L), both with infinitesimals, wherever |L| = 1, and who is doubtful."""
+    rows, omega, doubtful = scan.crossings(lambda g, _: np.abs(g) - 1)
     omega = _newton(path, rows, omega, lambda g: np.abs(g) - 1, lambda g, slope: (np.conj(g) * slope).real / np.abs(g))
     value, moved, slope = solved(path, rows, omega)
     # d ln L = (d ln|L|, d arg L)
     by_parameter, by_frequency = moved / value, slope / value
     shift = -by_parameter.real / np.where(by_frequency.real == 0, np.inf, by_frequency.real)
     angle = np.angle(-value)
-    return rows, _dual(omega, shift), _dual(angle, by_parameter.imag + by_frequency.imag * shift)
+    return rows, _dual(omega, shift), _dual(angle, by_parameter.imag + by_frequency.imag * shift), doubtful
 
 
 def phase_margin(path: Path, scan: Scan) -> Readings:
     """π + arg L where |L| = 1, nearest 0."""
-    rows, _, angle = _phase_margins(path, scan)
-    return _unless_hidden(scan, _nearest(path.batch, rows, angle, np.abs(angle.real)))
+    rows, _, angle, doubtful = _phase_margins(path, scan)
+    return _unless_hidden(scan, _nearest(doubtful, rows, angle, np.abs(angle.real)))
 
 
 def delay_margin(path: Path, scan: Scan) -> Readings:
     """The smallest of (π + arg L in [0, 2π)) / ω where |L| = 1."""
-    rows, omega, angle = _phase_margins(path, scan)
+    rows, omega, angle, doubtful = _phase_margins(path, scan)
     margin = np.where(angle.real < 0, angle + 2 * np.pi, angle) / omega
-    return _unless_hidden(scan, _nearest(path.batch, rows, margin, margin.real))
+    return _unless_hidden(scan, _nearest(doubtful, rows, margin, margin.real))
 
 
 def _unless_hidden(scan: Scan, found: Readings) -> Readings:
     """Doubt what is found at |L| = 1 where a loop gain of 1 turns round more often than is looked at: the loop may be unstable."""
-    return Readings(value=found.value, doubtful=scan.hidden(np.ones(len(found.value))))
+    return Readings(value=found.value, doubtful=found.doubtful | scan.hidden(np.ones(len(found.value))))
 
 
 PATH_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(

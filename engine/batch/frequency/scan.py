@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +20,15 @@ _TURNS = 120
 _REACH = 1e-7, 1e5
 """How far the scan goes below the lowest and above the highest corner, where only limits are left to be found."""
 _WELL_CONDITIONED = 1e7
+_AROUND, _BETWEEN = np.array([-4.0, -1.0, 0.0, 1.0, 4.0]), np.array([-2.5, -0.5, 0.5, 2.5, 8.0])
+"""Places around a pole and its conjugate, in parts of how far it is from the axis."""
 _NUDGE = 1e-10
+_NARROWED = 5
+"""How often the place where a curve turns near to a level is narrowed, to a quarter each time."""
+_TOUCHES = 1e-7
+"""Nearer to the level than this part of the samples beside it, whether a curve passes it is left to the exact path."""
+
+Level: TypeAlias = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,7 +134,9 @@ class Scan:
             axis=1,
         )
         width = np.maximum(np.abs(self._poles.real), 1e-9 * size)
-        around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * np.array([-4.0, -1.0, 0.0, 1.0, 4.0])
+        # both poles of a pair have their places: no frequency stands twice, between whose neighbours nothing would be seen to turn
+        places = np.where(self._poles.imag[:, :, None] < 0, _BETWEEN, _AROUND)
+        around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * places
         pieces = [inside, tails, around.reshape(len(low), -1)]
         if self._tau.shape[1]:
             pieces.append(np.where(inverse > 0, inverse, low)[:, None] * 0.25 * np.arange(1, _TURNS + 1))
@@ -172,20 +183,25 @@ class Scan:
         large = np.abs(self.response) >= size[:, None]
         return np.asarray((turns & (large[:, :-1] | large[:, 1:])).any(axis=1))
 
-    def crossings(self, level: Callable[[Array, Array], Array], *, first_fall: bool = False) -> tuple[Array, Array]:
-        """Return (systems, frequencies) of every sign change of ``level``, or of the first fall only.
+    def crossings(self, level: Level, *, first_fall: bool = False) -> tuple[Array, Array, Array]:
+        """Return (systems, frequencies) of every sign change of ``level``, or of the first fall only, and who is doubtful, (B,).
 
         ``level`` gets responses (k, q) and the systems (k,) that they belong to.
         """
         values = level(self.response, np.arange(self._path.batch))
         changes = (values[:, :-1] >= 0) != (values[:, 1:] >= 0)
         changes &= np.isfinite(values[:, :-1]) & np.isfinite(values[:, 1:])
-        if first_fall:
-            falls = (values[:, :-1] >= 0) & (values[:, 1:] < 0)
-            changes = falls & (np.cumsum(falls, axis=1) == 1)
         rows, place = np.nonzero(changes)
-        low, high = self.frequencies[rows, place], self.frequencies[rows, place + 1]
-        at_low, at_high = values[rows, place], values[rows, place + 1]
+        seen = rows, *(part[rows, k] for k in (place, place + 1) for part in (self.frequencies, values))
+        unseen, touched = self._unseen(level, values)
+        rows, low, at_low, high, at_high = (np.concatenate(parts) for parts in zip(seen, *unseen, strict=True))
+        doubtful = np.zeros(self._path.batch, dtype=bool)
+        doubtful[touched] = True
+        if first_fall:
+            falls = np.flatnonzero((at_low >= 0) & (at_high < 0))
+            falls = falls[np.lexsort((low[falls], rows[falls]))]
+            _, first = np.unique(rows[falls], return_index=True)
+            rows, low, at_low, high, at_high = (part[falls[first]] for part in (rows, low, at_low, high, at_high))
         for step in range(16):
             weight = (
                 np.clip(at_low / np.where(at_low == at_high, 1.0, at_low - at_high), 0.01, 0.99) if step % 3 else 0.5
@@ -195,7 +211,36 @@ class Scan:
             same = (value >= 0) == (at_low >= 0)
             low, at_low = np.where(same, middle, low), np.where(same, value, at_low)
             high, at_high = np.where(same, high, middle), np.where(same, at_high, value)
-        return rows, np.where(np.abs(at_low) < np.abs(at_high), low, high)
+        return rows, np.where(np.abs(at_low) < np.abs(at_high), low, high), doubtful
+
+    def _unseen(self, level: Level, values: Array) -> tuple[list[tuple[Array, ...]], Array]:
+        """Return what encloses crossings of a level that is passed twice between three samples, and who may only touch it.
+
+        The samples are all on one side, the middle one is the nearest, and nearer than the curve bends: its turning point is looked for.
+        """
+        away = np.abs(values)
+        left, middle, right = away[:, :-2], away[:, 1:-1], away[:, 2:]
+        same = (np.sign(values[:, :-2]) == np.sign(values[:, 1:-1])) & (
+            np.sign(values[:, 2:]) == np.sign(values[:, 1:-1])
+        )
+        turns = same & (middle <= left) & (middle <= right) & (middle < left - 2 * middle + right)
+        rows, place = np.nonzero(turns)
+        side = np.sign(values[rows, place + 1])
+        ends = self.frequencies[rows, place], self.frequencies[rows, place + 2]
+        low, high = ends
+        best, depth = self.frequencies[rows, place + 1], middle[rows, place]
+        for _ in range(_NARROWED):
+            trial = low[:, None] + (high - low)[:, None] * (np.arange(9) / 8)
+            height = side[:, None] * level(self.at(rows, trial), rows)
+            k = np.where(np.isfinite(height), height, np.inf).argmin(axis=1)
+            best, depth = trial[np.arange(len(rows)), k], height[np.arange(len(rows)), k]
+            low, high = (trial[np.arange(len(rows)), np.clip(k + step, 0, 8)] for step in (-1, 1))
+        touches = np.abs(depth) <= _TOUCHES * np.minimum(left, right)[rows, place]
+        twice = (depth < 0) & ~touches
+        rows_, at = rows[twice], side[twice] * depth[twice]
+        before = rows_, ends[0][twice], values[rows_, place[twice]], best[twice], at
+        behind = rows_, best[twice], at, ends[1][twice], values[rows_, place[twice] + 2]
+        return [before, behind], rows[touches]
 
 
 def _eigenvectors(a: Array) -> tuple[Array, Array, Array]:
