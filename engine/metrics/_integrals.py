@@ -11,6 +11,13 @@ from engine.exact.time.tail_of_integral import has_ended
 from engine.metrics._base import NEGLIGIBLE, Absent, Found, unsettled
 from engine.model.verdicts import Verdict
 
+_INTEGRANDS = {
+    "iae": lambda e, _: np.abs(e),
+    "ie": lambda e, _: np.abs(e),
+    "ise": lambda e, _: e * e,
+    "itae": lambda e, t: np.abs(t * e),
+}
+
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject
     from engine.model.linear_system import Array
@@ -55,8 +62,8 @@ def _error_to_its_end(subject: TimeSubject) -> Curve | Absent:
 def _has_ended(subject: TimeSubject, error: Curve, kind: str) -> bool:
     """Return whether the integral lacks nothing where the run ends; a linear response is followed until nothing is left."""
     times, values = error.nodes()
-    sizes = values**2 if kind == "ise" else np.abs(values) * (times - subject.start if kind == "itae" else 1.0)
-    return bool(has_ended(times, sizes[:, None], subject.start if subject.end is None else subject.end)[0])
+    since = subject.start if subject.end is None else subject.end
+    return bool(has_ended(times, values[:, None], since, _INTEGRANDS[kind])[0])
 
 
 def _error(subject: TimeSubject, error: Curve) -> Curve:

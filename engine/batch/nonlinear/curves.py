@@ -149,9 +149,8 @@ class Curves:
     def dies_away(self) -> Flags:
         """Whose distance from the last value, weighted with time, has an integral that lacks nothing, (B,)."""
         behind = self.times >= self.last
-        times = self.times[behind]
-        away = (times - self.last)[:, None] * np.abs(self.values[behind] - self.values[-1])
-        return has_ended(times, away, self.last)
+        away = self.values[behind] - self.values[-1]
+        return has_ended(self.times[behind], away, self.last, lambda away, t: t * np.abs(away))
 
     @cached_property
     def slow(self) -> Flags:

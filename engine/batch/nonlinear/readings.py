@@ -99,7 +99,7 @@ def _integral(of: Callable[[Real, Real], Real]) -> Callable[[Curves], Reading]:
             return value, np.zeros(len(value), dtype=bool)
         errors = curves.errors[:, 0]
         rest = np.abs(errors[-1]) > STILL * np.abs(errors).max(axis=0)
-        ended = has_ended(curves.times, of(errors, (curves.times - curves.start)[:, None]), curves.last)
+        ended = has_ended(curves.times, errors, curves.last, lambda e, t: np.abs(of(e, t)))
         return value, ~curves.still | rest | ~ended  # the exact path says whether what is left is an error or rounding
 
     return read

@@ -274,7 +274,7 @@ def _judged(
 def _dies_away(curve: Curve, final: float, last: float) -> bool:
     """Return whether ∫ t |y - final| has come to its end."""
     times, values = curve.since(last).nodes()
-    return bool(has_ended(times, ((times - last) * np.abs(values - final))[:, None], last)[0])
+    return bool(has_ended(times, (values - final)[:, None], last, lambda away, t: t * np.abs(away))[0])
 
 
 def _echoes(system: NonlinearSystem) -> float:

@@ -8,6 +8,7 @@ makes it one part for ever. What stands still at a small value does not die away
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,8 @@ import numpy.typing as npt
 
 Real = npt.NDArray[np.float64]
 
+_UNSEEN: Final = 1e-9
+"""What is below this part of the largest value is as near to 0 as a run comes."""
 _NOTHING: Final = 1e-6
 """A last half that brings no more than this part of the whole leaves nothing worth the name."""
 _FALLS: Final = 0.2
@@ -23,18 +26,22 @@ _LEFT: Final = 1e-5
 """and may then be this part of the whole."""
 
 
-def has_ended(times: Real, sizes: Real, since: float) -> npt.NDArray[np.bool_]:
-    """Return whether integrals of what is never negative lack nothing, (B,).
+def has_ended(times: Real, values: Real, since: float, of: Callable[[Real, Real], Real]) -> npt.NDArray[np.bool_]:
+    """Return whether integrals lack nothing, (B,).
 
     Parameters
     ----------
     times : ndarray, shape (N,)
         Rising, s; two may be equal.
-    sizes : ndarray, shape (N, B)
-        Values there.
+    values : ndarray, shape (N, B)
+        What goes to 0.
     since : float
         When the commands change for the last time, s.
+    of : callable
+        (values, time since then) -> what is integrated, never negative.
     """
+    seen = np.where(np.abs(values) > _UNSEEN * np.abs(values).max(axis=0), values, 0.0)
+    sizes = of(seen, (times - since)[:, None])
     middles = 0.5 * (times[1:] + times[:-1])
     areas = 0.5 * np.diff(times)[:, None] * (sizes[1:] + sizes[:-1])
     span = float(times[-1]) - since

@@ -17,7 +17,7 @@ INTEGRALS = ("iae", "itae")
 
 
 def ended(sizes: np.ndarray, since: float = 0.0) -> bool:
-    return bool(has_ended(TIMES, sizes[:, None], since)[0])
+    return bool(has_ended(TIMES, sizes[:, None], since, lambda e, _: np.abs(e))[0])
 
 
 @pytest.mark.parametrize("power", [0.5, 1, 2, 3])
@@ -40,6 +40,10 @@ def test_a_small_slow_part_counts_by_what_it_brings():
 def test_what_stands_still_a_little_off_goes_on():
     assert not ended(np.where(TIMES < 400.0, 1.0, 1e-5))
     assert ended(np.where(TIMES < 400.0, 1.0, 1e-7))
+
+
+def test_what_a_run_leaves_of_nothing_does_not_count():
+    assert bool(has_ended(TIMES, np.where(TIMES < 1.0, 1.0, 5e-10)[:, None], 0.0, lambda e, t: t * np.abs(e))[0])
 
 
 def test_the_time_counts_from_the_last_change():
