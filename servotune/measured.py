@@ -108,29 +108,12 @@ class Measured:
             Remember it: `client.results` finds what is kept, under the `id` of the reply, and `universal_file` writes it.
         """
         body = given(
-            dataset=dataset,
-            input=input,
-            output=output if isinstance(output, str) else list(output),
-            estimator=estimator,
-            window=window,
-            segment=segment,
-            overlap=overlap,
-            removal=removal,
-            period=period,
-            settle=settle,
-            steps=steps,
-            part=part,
-            band=band,
-            form=form,
-            corrections=corrections,
-            confidence=confidence,
-            system=system,
-            to=to,
-            parameters=parameters,
-            between_samples=between_samples,
-            modes=modes,
-            keep=keep,
-        ) | given(**{"from": from_})
+            dataset=dataset, input=input, output=output if isinstance(output, str) else list(output),
+            estimator=estimator, window=window, segment=segment, overlap=overlap, removal=removal, period=period,
+            settle=settle, steps=steps, part=part, band=band, form=form, corrections=corrections,
+            confidence=confidence, system=system, to=to, parameters=parameters, between_samples=between_samples,
+            modes=modes, keep=keep,
+        ) | given(**{"from": from_})  # fmt: skip
         return Frf(self._transport.post("/v1/frfs", body))
 
     def universal_file(self, result: str) -> bytes:

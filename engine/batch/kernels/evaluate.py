@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -98,6 +98,115 @@ def beyond(curves: SpectrumProgram, step: Real, rate: Real, readings: Real) -> N
                 readings[c, DOUBT, lane] = ALL
 
 
+class TimeRoom(NamedTuple):
+    """Room for the responses of eight candidates; see `engine.batch.kernels.sampling.follow` and `engine.batch.kernels.events.locate`."""
+
+    powers: Real
+    norms: Real
+    rest: Real
+    work: Real
+    moved: Real
+    watched: Real
+    moving: Real
+    run_of: Real
+    columns: Real
+    samples: Real
+    taylors: Real
+    states: Real
+    saved: Real
+    start: Real
+    edge: Real
+    final: Real
+    roles: npt.NDArray[np.int64]
+    numbers: Real
+    vectors: Real
+    polynomials: Real
+    reading: Real
+
+
+class CurveRoom(NamedTuple):
+    """Room for the curves over frequency of eight candidates; see `engine.batch.kernels.spectrum.spectrum`."""
+
+    reading: Real
+    re: Real
+    im: Real
+    network: Real
+    seen: Real
+    counts: Whole
+    omega: Real
+    marks: Real
+    levels: Real
+    points: Real
+    slots: Real
+    bracket: Real
+
+
+@allocating
+def _time_room(program: TimeProgram) -> TimeRoom:
+    nn, rows, experiments, traces = program.padded, program.rows, program.experiments, program.traces.shape[0]
+    return TimeRoom(
+        room((LEVELS, nn, nn, LANES)), room((LEVELS, LANES)), room((nn, experiments, LANES)), room((6, nn, nn, LANES)),
+        room((2, nn, experiments, LANES)), room((2, ROWS * rows, nn, LANES)), room((1, nn, 1, LANES)), room((RUN, LANES)),
+        zeros((nn, COLUMNS, LANES)), room((ROWS * rows, COLUMNS, LANES)), room((rows // 2, TAYLOR, nn, LANES)),
+        room((traces, FIELDS, LANES)), room((traces, FIELDS, LANES)), room((nn, LANES)), room((2, 1, LANES)),
+        room((traces, LANES)), np.empty((2, ROLES, MOST * traces), np.int64), room((2, NUMBERS, MOST * traces, LANES)),
+        room((3, nn * MOST * traces, LANES)), room((MOST * traces, TAYLOR, LANES)), room((traces, READINGS, LANES)),
+    )  # fmt: skip
+
+
+@allocating
+def _curve_room(curves: SpectrumProgram) -> CurveRoom:
+    count, frequencies = curves.wants.shape[0], curves.frequencies.shape[0]
+    return CurveRoom(
+        room((count, SPECTRAL_READINGS, LANES)), room((count, frequencies, LANES)), room((count, frequencies, LANES)),
+        room((2, max(curves.scan.places, 1), CHUNK, LANES)), room((3, EVENTS, LANES)), np.empty(LANES, np.int32),
+        room((CHUNK, LANES)), room((MARKS, LANES)), room((count, LANES)),
+        room((4, max(curves.points.places, 1), EVENTS, LANES)), room((EVENTS, SLOT, LANES)), room((BRACKET, LANES)),
+    )  # fmt: skip
+
+
+@compiled
+def _doubt_rates(pivots: Whole, smallest: Real, registers: Real, step: Real, rate: Real) -> None:
+    """Leave open how fast candidates grow whose algebraic loops divide by little, or whose slowest mode is rounding."""
+    for lane in range(LANES):
+        for k in range(pivots.shape[0]):
+            if abs(registers[pivots[k], lane]) < smallest[k]:
+                rate[lane] = math.nan
+        # Every squaring doubles the rounding of the slowest mode.
+        if -STIFF < rate[lane] * step[lane] < 0.0:
+            rate[lane] = math.nan
+
+
+@compiled
+def _enter(found: Real, first: int, alive: Real, rate: Real, out: Real) -> None:
+    """Write what was found (T, K, LANES) of candidates that exist and are stable to their places in ``out`` (B, T, K)."""
+    for lane in range(min(LANES, out.shape[0] - first)):
+        if alive[lane] > 0.0 and rate[lane] < 0.0:
+            for t in range(found.shape[0]):
+                for k in range(found.shape[1]):
+                    out[first + lane, t, k] = found[t, k, lane]
+
+
+@compiled
+def _begin(program: TimeProgram, e: int, c: Real, d: Real, own: TimeRoom) -> None:
+    """Let the responses of an experiment begin: away from where they go by what the states are."""
+    nn, start, edge = program.padded, own.start, own.edge
+    for i in range(nn):
+        store(start, -load2(own.rest, i, e), i)
+    for t in range(program.traces.shape[0]):
+        if program.traces[t, 1] != e:
+            continue
+        o = program.traces[t, 0]
+        away, slope = spread(0.0), spread(0.0)
+        for i in range(nn):
+            away = away + load2(c, 2 * o, i) * load(start, i)
+            slope = slope + load2(c, 2 * o + 1, i) * load(start, i)
+        store(own.final, load2(d, o, e) - away, t)
+        store2(edge, away, 0, 0)
+        store2(edge, slope, 1, 0)
+        begin(own.states[t], edge[0, 0], edge[1, 0], own.final[t])
+
+
 @allocating
 def evaluate(
     tape: Tape, count: int, bounds: Whole, limits: Real, pivots: Whole, smallest: Real, program: TimeProgram,
@@ -125,33 +234,11 @@ def evaluate(
     extra : int
         Responses have 2^extra times as many samples as usual.
     """
-    total = points.shape[0]
-    n, nn, rows, experiments = program.states, program.padded, program.rows, program.experiments
-    registers = room((count, LANES))
+    total, n, nn, experiments = points.shape[0], program.states, program.padded, program.experiments
+    registers, alive, step, rate = room((count, LANES)), room((LANES,)), room((LANES,)), room((LANES,))
     a, b = zeros((nn, nn, LANES)), zeros((nn, experiments, LANES))
-    c, d = zeros((rows, nn, LANES)), zeros((program.outputs, experiments, LANES))
-    powers, norms = room((LEVELS, nn, nn, LANES)), room((LEVELS, LANES))
-    rest, work = room((nn, experiments, LANES)), room((6, nn, nn, LANES))
-    moved = room((2, nn, experiments, LANES))
-    alive, step, rate = room((LANES,)), room((LANES,)), room((LANES,))
-    watched, moving = room((2, ROWS * rows, nn, LANES)), room((1, nn, 1, LANES))
-    run_of = room((RUN, LANES))
-    columns, samples = zeros((nn, COLUMNS, LANES)), room((ROWS * rows, COLUMNS, LANES))
-    taylors = room((rows // 2, TAYLOR, nn, LANES))
-    traces = program.traces.shape[0]
-    states, saved = room((traces, FIELDS, LANES)), room((traces, FIELDS, LANES))
-    start, edge, final = room((nn, LANES)), room((2, 1, LANES)), room((traces, LANES))
-    roles, numbers = np.empty((2, ROLES, MOST * traces), np.int64), room((2, NUMBERS, MOST * traces, LANES))
-    vectors, polynomials = room((3, nn * MOST * traces, LANES)), room((MOST * traces, TAYLOR, LANES))
-    reading = room((traces, READINGS, LANES))
-    spectral = room((curves.wants.shape[0], SPECTRAL_READINGS, LANES))
-    curve_re = room((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
-    curve_im = room((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
-    places = max(curves.scan.places, 1)
-    network, seen, seen_count = room((2, places, CHUNK, LANES)), room((3, EVENTS, LANES)), np.empty(LANES, np.int32)
-    omega, marks, levels_of = room((CHUNK, LANES)), room((MARKS, LANES)), room((curves.wants.shape[0], LANES))
-    points_of = room((4, max(curves.points.places, 1), EVENTS, LANES))
-    slots, bracket = room((EVENTS, SLOT, LANES)), room((BRACKET, LANES))
+    c, d = zeros((program.rows, nn, LANES)), zeros((program.outputs, experiments, LANES))
+    own, framed = _time_room(program), _curve_room(curves)
     for first in range(0, total, LANES):
         for lane in range(LANES):
             candidate = min(first + lane, total - 1)
@@ -162,80 +249,36 @@ def evaluate(
         clear(a, nn * nn)
         scatter(program, registers, a, b, c, d)
         computable(program, registers, alive)
-        for lane in range(LANES):
-            candidate = first + lane
-            if candidate < total:
-                valid[candidate] = alive[lane]
+        here = min(LANES, total - first)
+        valid[first : first + here] = alive[:here]
         # from here on `alive` also asks for finite coefficients of A
-        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved, extra)
-        for lane in range(LANES):
-            for k in range(pivots.shape[0]):
-                if abs(registers[pivots[k], lane]) < smallest[k]:
-                    rate[lane] = math.nan
-            # Every squaring doubles the rounding of the slowest mode.
-            if -STIFF < rate[lane] * step[lane] < 0.0:
-                rate[lane] = math.nan
-            candidate = first + lane
-            if candidate < total:
-                valid[candidate] *= alive[lane]
-                growth[candidate] = rate[lane]
-        stable = False
-        for lane in range(LANES):
-            stable = stable or (alive[lane] > 0.0 and rate[lane] < 0.0)
-        if not stable:
+        levels = raise_powers(
+            a, b, n, nn, experiments, alive, step, own.powers, own.norms, own.rest, rate, own.work, own.moved, extra
+        )  # fmt: skip
+        _doubt_rates(pivots, smallest, registers, step, rate)
+        valid[first : first + here] *= alive[:here]
+        growth[first : first + here] = rate[:here]
+        if not np.any((alive > 0.0) & (rate < 0.0)):
             continue
         if curves.wants.shape[0] > 0:
-            spectrum(curves, registers, spectral, curve_re, curve_im, network, seen, seen_count, omega, marks, levels_of,
-                     points_of, slots, bracket)  # fmt: skip
-            beyond(curves, step, rate, spectral)
-            for lane in range(LANES):
-                candidate = first + lane
-                if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
-                    for m in range(curves.wants.shape[0]):
-                        for k in range(SPECTRAL_READINGS):
-                            spectra[candidate, m, k] = spectral[m, k, lane]
+            spectrum(
+                curves, registers, framed.reading, framed.re, framed.im, framed.network, framed.seen, framed.counts,
+                framed.omega, framed.marks, framed.levels, framed.points, framed.slots, framed.bracket,
+            )  # fmt: skip
+            beyond(curves, step, rate, framed.reading)
+            _enter(framed.reading, first, alive, rate, spectra)
         if program.traces.shape[0] == 0:
             continue
-        expand(program, a, c, step, work[0], taylors)
-        last = passes(norms, levels, alive, rate)
+        expand(program, a, c, step, own.work[0], own.taylors)
+        last = passes(own.norms, levels, alive, rate)
         for e in range(experiments):
-            for i in range(nn):
-                store(start, -load2(rest, i, e), i)
-            for t in range(program.traces.shape[0]):
-                if program.traces[t, 1] != e:
-                    continue
-                o = program.traces[t, 0]
-                away, slope = spread(0.0), spread(0.0)
-                for i in range(nn):
-                    away = away + load2(c, 2 * o, i) * load(start, i)
-                    slope = slope + load2(c, 2 * o + 1, i) * load(start, i)
-                store(final, load2(d, o, e) - away, t)
-                store2(edge, away, 0, 0)
-                store2(edge, slope, 1, 0)
-                begin(states[t], edge[0, 0], edge[1, 0], final[t])
+            _begin(program, e, c, d, own)
             follow(
-                program,
-                e,
-                powers,
-                c,
-                start,
-                final,
-                step,
-                last,
-                extra,
-                states,
-                saved,
-                watched,
-                columns,
-                samples,
-                moving,
-                run_of,
-            )
-            locate(program, e, states, powers, start, c, taylors, final, step, reading, roles, numbers, vectors,
-                   polynomials)  # fmt: skip
-        for lane in range(LANES):
-            candidate = first + lane
-            if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
-                for t in range(program.traces.shape[0]):
-                    for k in range(READINGS):
-                        readings[candidate, t, k] = reading[t, k, lane]
+                program, e, own.powers, c, own.start, own.final, step, last, extra, own.states, own.saved, own.watched,
+                own.columns, own.samples, own.moving, own.run_of,
+            )  # fmt: skip
+            locate(
+                program, e, own.states, own.powers, own.start, c, own.taylors, own.final, step, own.reading, own.roles,
+                own.numbers, own.vectors, own.polynomials,
+            )  # fmt: skip
+        _enter(own.reading, first, alive, rate, readings)

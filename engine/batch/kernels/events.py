@@ -97,6 +97,37 @@ def walk(
     trial, polynomials
         Room of the shapes of ``e`` and (events, TAYLOR, LANES).
     """
+    _over_whole_steps(powers, nn, rows, roles, events, numbers, e, trial)
+    for q in range(events):
+        taylor, terms, factor = taylors[roles[OUTPUT, q]], polynomials[q], 1.0
+        for k in range(TAYLOR):
+            coefficient = spread(0.0)
+            for i in range(nn):
+                coefficient = coefficient + load2(taylor, k, i) * load2(e, i, q)
+            store(terms, coefficient * factor, k)
+            factor /= k + 1.0
+        store2(numbers, 1.0, HIGH, q)
+        store2(numbers, _between(terms, roles[BY_SLOPE, q], load2(numbers, TARGET, q), load2(numbers, TAU, q)), AT, q)
+    # round by round, not event by event: events do not wait for each other
+    for _ in range(_NEWTON):
+        moves = False
+        for q in range(events):
+            moves = _improved(roles[BY_SLOPE, q], q, numbers, polynomials[q]) or moves
+        if not moves:
+            break
+    for q in range(events):
+        terms, t, v = polynomials[q], load2(numbers, AT, q), spread(0.0)
+        for k in range(TAYLOR - 1, -1, -1):
+            v = v * t + load(terms, k)
+        store2(numbers, t, TAU, q)
+        store2(numbers, v, VALUE, q)
+
+
+@compiled
+def _over_whole_steps(
+    powers: Real, nn: int, rows: Real, roles: Whole, events: int, numbers: Real, e: Real, trial: Real
+) -> None:  # fmt: skip
+    """Go over as many whole steps as lie before the events, by powers of 2 of them."""
     furthest, widest = spread(0.0), spread(0.0)
     for q in range(events):
         offset, level = load2(numbers, OFFSET, q), load2(numbers, LEVEL, q)
@@ -138,49 +169,31 @@ def walk(
                     store2(numbers, select(go, 0.0, load2(numbers, TAU, q)), TAU, q)
                     for i in range(nn):
                         store2(e, select(go, load2(trial, i, q), load2(e, i, q)), i, q)
-    for q in range(events):
-        taylor, terms, factor = taylors[roles[OUTPUT, q]], polynomials[q], 1.0
-        for k in range(TAYLOR):
-            coefficient = spread(0.0)
-            for i in range(nn):
-                coefficient = coefficient + load2(taylor, k, i) * load2(e, i, q)
-            store(terms, coefficient * factor, k)
-            factor /= k + 1.0
-        store2(numbers, 1.0, HIGH, q)
-        store2(numbers, _between(terms, roles[BY_SLOPE, q], load2(numbers, TARGET, q), load2(numbers, TAU, q)), AT, q)
-    # round by round, not event by event: events do not wait for each other
-    for _ in range(_NEWTON):
-        moves = False
-        for q in range(events):
-            terms, t = polynomials[q], load2(numbers, AT, q)
-            v, d, bend = spread(0.0), spread(0.0), spread(0.0)
-            if roles[BY_SLOPE, q]:
-                for k in range(TAYLOR - 1, -1, -1):
-                    bend = bend * t + d
-                    d = d * t + v
-                    v = v * t + load(terms, k)
-                v, d = d, 2.0 * bend
-            else:
-                for k in range(TAYLOR - 1, -1, -1):
-                    d = d * t + v
-                    v = v * t + load(terms, k)
-            g, low, high = v - load2(numbers, TARGET, q), load2(numbers, TAU, q), load2(numbers, HIGH, q)
-            before = load2(numbers, SIGN, q) * g < 0.0
-            low, high = select(before, t, low), select(before, high, t)
-            new = t - g / d
-            new = select((new >= low) & (new <= high), new, 0.5 * (low + high))
-            moves = moves or anywhere(magnitude(new - t) > _STILL)
-            store2(numbers, low, TAU, q)
-            store2(numbers, high, HIGH, q)
-            store2(numbers, new, AT, q)
-        if not moves:
-            break
-    for q in range(events):
-        terms, t, v = polynomials[q], load2(numbers, AT, q), spread(0.0)
+
+
+@compiled
+def _improved(by_slope: int, q: int, numbers: Real, terms: Real) -> bool:
+    """Take one step of Newton's method, kept in its bracket, to event ``q``; whether anybody still moves."""
+    t, v, d, bend = load2(numbers, AT, q), spread(0.0), spread(0.0), spread(0.0)
+    if by_slope:
         for k in range(TAYLOR - 1, -1, -1):
+            bend = bend * t + d
+            d = d * t + v
             v = v * t + load(terms, k)
-        store2(numbers, t, TAU, q)
-        store2(numbers, v, VALUE, q)
+        v, d = d, 2.0 * bend
+    else:
+        for k in range(TAYLOR - 1, -1, -1):
+            d = d * t + v
+            v = v * t + load(terms, k)
+    g, low, high = v - load2(numbers, TARGET, q), load2(numbers, TAU, q), load2(numbers, HIGH, q)
+    before = load2(numbers, SIGN, q) * g < 0.0
+    low, high = select(before, t, low), select(before, high, t)
+    new = t - g / d
+    new = select((new >= low) & (new <= high), new, 0.5 * (low + high))
+    store2(numbers, low, TAU, q)
+    store2(numbers, high, HIGH, q)
+    store2(numbers, new, AT, q)
+    return bool(anywhere(magnitude(new - t) > _STILL))
 
 
 @compiled

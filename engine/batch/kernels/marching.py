@@ -89,6 +89,27 @@ def interpret(tape: Whole, registers: Real) -> None:
                 store2(registers, select(load2(registers, a, j) == 0.0, 1.0, 0.0), to, j)
 
 
+@compiled
+def drive(
+    registers: Real, first: int, inputs: Real, row: int, places: Whole, shares: Real, past: Real, group: int
+) -> None:  # fmt: skip
+    """Put inputs and delayed signals at a row into the registers (register, groups, LANES), ``first`` on; ``group`` is the first of them in ``past``."""
+    given, delayed, groups = inputs.shape[1], places.shape[1], registers.shape[1]
+    for i in range(given):
+        for j in range(groups):
+            store2(registers, inputs[row, i], first + i, j)
+    for i in range(delayed):
+        values, slopes, slot = past[i], past[delayed + i], places[row, i]
+        for j in range(groups):
+            a, b = load2(values, slot, group + j), load2(slopes, slot, group + j)
+            c, d = load2(values, slot + 1, group + j), load2(slopes, slot + 1, group + j)
+            for kind in range(2):
+                share = shares[row, i, 4 * kind : 4 * kind + 4]
+                heard = multiply_add(b, spread(share[1]), a * share[0])
+                heard = multiply_add(d, spread(share[3]), multiply_add(c, spread(share[2]), heard))
+                store2(registers, heard, first + given + kind * delayed + i, j)
+
+
 @allocating
 def march(
     whole: Whole,
@@ -133,27 +154,14 @@ def march(
         Every so many steps it is written down, at the beginning of the first and at the end of the last.
     record : ndarray, shape (groups, steps / stride + 1, read, LANES)
     """
-    states, groups, given, delayed = rates.shape[0], registers.shape[1], inputs.shape[1], places.shape[1]
-    steps = inputs.shape[0] // 3
+    states, groups, delayed, steps = rates.shape[0], registers.shape[1], places.shape[1], inputs.shape[0] // 3
     half, third, sixth, full = spread(width * (1 / 2)), spread(width * (1 / 3)), spread(width * (1 / 6)), spread(width)
     begin = np.empty((states, groups, LANES))
     total = np.empty((states, groups, LANES))
     for k in range(steps + 1):
         for stage in range(4 if k < steps else 1):
             row = 3 * k + (stage + 1) // 2
-            for i in range(given):
-                for j in range(groups):
-                    store2(registers, inputs[row, i], states + i, j)
-            for i in range(delayed):
-                values, slopes, slot = past[i], past[delayed + i], places[row, i]
-                for j in range(groups):
-                    a, b = load2(values, slot, j), load2(slopes, slot, j)
-                    c, d = load2(values, slot + 1, j), load2(slopes, slot + 1, j)
-                    for kind in range(2):
-                        share = shares[row, i, 4 * kind : 4 * kind + 4]
-                        heard = multiply_add(b, spread(share[1]), a * share[0])
-                        heard = multiply_add(d, spread(share[3]), multiply_add(c, spread(share[2]), heard))
-                        store2(registers, heard, states + given + kind * delayed + i, j)
+            drive(registers, states, inputs, row, places, shares, past, 0)
             if stage == 0:
                 interpret(whole, registers)
                 if k % stride == 0:

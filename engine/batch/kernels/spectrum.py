@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.kernels.compiled import LANES, compiled
+from engine.batch.kernels.axis_ends import Doubts, doubt_ends
+from engine.batch.kernels.compiled import LANES, compiled, merged
 from engine.batch.kernels.curves import run_program
 from engine.batch.kernels.polishing import (
     ALL,
@@ -58,22 +59,12 @@ from engine.batch.kernels.vector import anywhere, lanes_of, load, load2, magnitu
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]
 
+
 MARKS: Final = 12
 _ABRUPT: Final = 0.3
 _BEND: Final = 0.1
 """A curve may turn so much further than the parabola through three samples, by their second difference."""
 _RIVAL: Final = 0.1
-_AHEAD: Final = 2.5
-"""A peak is hidden at an end of the axis if it lies at less than a little more than the first frequency, by the parabola."""
-_SLIGHT: Final = 1e-9
-_STEEPEST: Final = 6
-"""Curves rise and fall with the sixth power of frequency at most; what is steeper is left to the exact path."""
-_NOTHING: Final = 1e-12
-"""What has fallen so far below 1 (a loop) or the tallest (a path), by its square, decides nothing beyond."""
-_ASKEW: Final = 0.3
-"""What leads to an end of the axis has come to one of the axes of the plane up to this."""
-_ON_THE_WAY: Final = 0.1
-"""By so much the power may differ from a whole number: what lies beyond is at least four times as far away."""
 
 
 @compiled
@@ -140,31 +131,48 @@ def _look(
 ) -> None:  # fmt: skip
     """Go along one curve and take down its crossings and peaks."""
     wants, last = program.wants[c], program.frequencies.shape[0] - 1
-    crossings, peaks = wants & (GAIN | PHASE | DELAY), wants & (SENSITIVITY | COMPLEMENTARY | PEAK)
     for k in range(READINGS):
         readings[c, k] = math.inf
     first_re, first_im = load2(store_re, c, 0), load2(store_im, c, 0)
     next_re, next_im = load2(store_re, c, 1), load2(store_im, c, 1)
-    beside = next_re * next_re + next_im * next_im
     static = first_re * first_re + first_im * first_im
     # What still falls with frequency down there has no gain at rest at all.
-    static = select(static < 1e-6 * beside, 0.0, static)
+    static = select(static < 1e-6 * (next_re * next_re + next_im * next_im), 0.0, static)
     store2(readings, root_of(static, first_re), c, AT_REST)
-    reference = static * FALL
-    store(level, reference, c)
-    full = 0
-    falls, tallest = spread(0.0), static
-    doubt, phase_doubt, gain_doubt = spread(0.0), spread(0.0), spread(0.0)
-    peak_doubt, level_doubt, high_doubt = spread(0.0), spread(0.0), spread(0.0)
-    x2, y2 = first_re, first_im
-    x1, y1 = first_re, first_im
-    m1, m2 = static, static
-    best, second, where, runner_up = marks[0:3], marks[3:6], marks[6:9], marks[9:12]
+    store(level, static * FALL, c)
     for p in range(3):
-        for mark, content in ((best, -1.0), (second, -1.0), (where, 0.0), (runner_up, 0.0)):
-            store(mark, content, p)
+        for mark, content in ((0, -1.0), (3, -1.0), (6, 0.0), (9, 0.0)):
+            store(marks, content, mark + p)
+    full, tallest, doubts = _along(
+        wants, last, c, store_re, store_im, readings, static, kinds, at, counts, of, marks
+    )  # fmt: skip
+    store2(readings, root(tallest), c, HIGHEST)
+    doubts = doubt_ends(program, wants, last, c, store_re, store_im, tallest, doubts)
+    doubt, phase_doubt, gain_doubt, peak_doubt, level_doubt, high_doubt = doubts
+    some = phase_doubt + gain_doubt + peak_doubt + level_doubt + high_doubt
+    store2(readings, select(doubt > 0.0, doubt, some), c, DOUBT)
+    for lane in range(LANES):
+        if (full >> lane) & 1:
+            readings[c, DOUBT, lane] = ALL
+        _enter_ends(program, wants, last, c, lane, store_re, store_im, readings)
+        for p in range(3):
+            if wants & (SENSITIVITY << p if p < 2 else PEAK):
+                _enter_peak(program, last, c, lane, p, store_re, store_im, readings, kinds, at, counts, of, marks)
+
+
+@compiled
+def _along(
+    wants: int, last: int, c: int, store_re: Real, store_im: Real, readings: Real, static: Any, kinds: Real, at: Real,
+    counts: Whole, of: Real, marks: Real,
+) -> tuple[int, Any, Doubts]:  # fmt: skip
+    """Return who has no room for all events, the largest square, and what is doubtful about the samples of one curve."""
+    none, reference = spread(0.0), static * FALL
+    full, falls, tallest = 0, none, static
+    doubts: Doubts = none, none, none, none, none, none
+    x1, y1 = load2(store_re, c, 0), load2(store_im, c, 0)
+    x2, y2, m1, m2 = x1, y1, static, static
     # whether the loop is larger than 1, counts, lies left and above at the sample before
-    over1, counts1, left1, above1 = m1 > 1.0, m1 > SMALLEST * SMALLEST, x1 < 0.0, y1 > 0.0
+    before = m1 > 1.0, m1 > SMALLEST * SMALLEST, x1 < 0.0, y1 > 0.0
     distance1 = (1.0 + x1) * (1.0 + x1) + y1 * y1
     distance2 = distance1
     for k in range(1, last + 1):
@@ -176,154 +184,182 @@ def _look(
             v = x * y2 + y * x2 - 2.0 * x1 * y1
             abrupt = (u * u + v * v > _ABRUPT * _ABRUPT * m1 * m1) | (x * x1 + y * y1 < 0.0)
             if anywhere(abrupt & (m1 > SMALLEST * SMALLEST * select(static < 1.0, static, 1.0))):
-                # Only where something could hide between two samples: the way from one to the next, twice, reaches it.
-                dx, dy = x - x1, y - y1
-                way = 4.0 * (dx * dx + dy * dy)
-                size = root(m1)
-                if wants & (PHASE | DELAY):
-                    near = abrupt & ((size - 1.0) * (size - 1.0) < way)
-                    phase_doubt = select(near, float(PHASE + DELAY), phase_doubt)
-                if wants & GAIN:
-                    near = abrupt & (y1 * y1 < way) & ((x1 < 0.0) | (m1 < way)) & (m1 > SMALLEST * SMALLEST)
-                    gain_doubt = select(near, float(GAIN), gain_doubt)
-                if wants & (SENSITIVITY | COMPLEMENTARY):
-                    distance = (1.0 + x1) * (1.0 + x1) + y1 * y1
-                    near = abrupt & ((distance < 4.0) | (distance < way))
-                    peak_doubt = select(near, float(SENSITIVITY + COMPLEMENTARY), peak_doubt)
-                if wants & BANDWIDTH:
-                    gap = size - root(reference)
-                    level_doubt = select(abrupt & (falls == 0.0) & (gap * gap < way), float(BANDWIDTH), level_doubt)
-                if wants & PEAK:
-                    high_doubt = select(abrupt & (m1 > 0.25 * static), float(PEAK), high_doubt)
-        if 2 < k < last:
-            if wants & (PHASE | DELAY | BANDWIDTH):
-                bend = magnitude(m - 2.0 * m1 + m2)
-                if wants & (PHASE | DELAY) and anywhere(magnitude(m1 - 1.0) < bend):
-                    unseen = _hidden(m2, m1, m, 1.0)
-                    if anywhere(unseen):
-                        full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_UNIT, k - 1, c)
-                if wants & BANDWIDTH and anywhere(magnitude(m1 - reference) < bend):
-                    unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
-                    if anywhere(unseen):
-                        full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_LEVEL, k - 1, c)
+                doubts = _abruptly(wants, abrupt, (x, y), (x1, y1), m1, static, falls, doubts)
+            full |= _turns(wants, k - 1, c, m2, m1, m, reference, falls, kinds, at, counts, of)
             if wants & GAIN and anywhere(magnitude(y1) < magnitude(y - 2.0 * y1 + y2)):
-                twice = _hidden(y2, y1, y, 0.0) & left1 & counts1
-                gain_doubt = select(twice, float(GAIN), gain_doubt)
-        if crossings:
-            over = m > 1.0
-            passes = over ^ over1
-            over1 = over
-            if k in (1, last):
-                doubt = select(passes, ALL, doubt)
-            elif wants & (PHASE | DELAY) and anywhere(passes):
-                full |= _note(kinds, at, counts, of, lanes_of(passes), CROSS_UNIT, k, c)
-            if wants & GAIN:
-                above, left, large = y > 0.0, x < 0.0, m > SMALLEST * SMALLEST
-                passes_left = (above ^ above1) & (left | left1)
-                changes = passes_left & (large | counts1)
-                faint = (
-                    passes_left & (m <= SMALLEST * SMALLEST) & (m1 > FAINTEST * FAINTEST) & (m1 <= SMALLEST * SMALLEST)
-                )
-                if 1 < k < last and anywhere(faint):
-                    store2(readings, select(faint, FAINT, load2(readings, c, GAIN_AT)), c, GAIN_AT)
-                above1, left1, counts1 = above, left, large
-                if k in (1, last):
-                    doubt = select(changes & (magnitude(y1) > 1e-3 * magnitude(x1)), ALL, doubt)
-                elif anywhere(changes):
-                    full |= _note(kinds, at, counts, of, lanes_of(changes), CROSS_AXIS, k, c)
+                twice = _hidden(y2, y1, y, 0.0) & before[2] & before[1]
+                doubt, phase, gain, peak, level, high = doubts
+                doubts = doubt, phase, select(twice, float(GAIN), gain), peak, level, high
+        if wants & (GAIN | PHASE | DELAY):
+            here = m > 1.0, m > SMALLEST * SMALLEST, x < 0.0, y > 0.0
+            doubt, phase, gain, peak, level, high = doubts
+            more, doubt = _crosses(
+                wants, k, last, c, before, here, (m1, m), magnitude(y1) > 1e-3 * magnitude(x1), doubt, readings, kinds, at,
+                counts, of,
+            )  # fmt: skip
+            full, before, doubts = full | more, here, (doubt, phase, gain, peak, level, high)
         tallest = select(m > tallest, m, tallest)
         if wants & BANDWIDTH:
             below = (m < reference) & (falls == 0.0)
             if anywhere(below):
                 if k in (1, last):
-                    doubt = select(below, ALL, doubt)
+                    doubt, phase, gain, peak, level, high = doubts
+                    doubts = select(below, ALL, doubt), phase, gain, peak, level, high
                 else:
                     full |= _note(kinds, at, counts, of, lanes_of(below), CROSS_LEVEL, k, c)
                 falls = select(below, 1.0, falls)
-        if peaks:
+        if wants & (SENSITIVITY | COMPLEMENTARY | PEAK):
             distance = (1.0 + x) * (1.0 + x) + y * y
-            for p in range(3):
-                if k == 1 or not wants & (SENSITIVITY << p if p < 2 else PEAK):
-                    continue
-                local = (m < m1) & (m2 <= m1)
-                if p == 0:
-                    local = (distance > distance1) & (distance2 >= distance1)
-                elif p == 1:
-                    local = (distance * m1 > distance1 * m) & (distance2 * m1 >= distance1 * m2)
-                if anywhere(local):
-                    # the height of the peak between the samples, from the parabola through the inverse of what peaks
-                    f0, f1, f2 = _inverse(p, distance2, m2), _inverse(p, distance1, m1), _inverse(p, distance, m)
-                    vertex = f1 - (f0 - f2) * (f0 - f2) / (8.0 * (f0 - 2.0 * f1 + f2))
-                    top = select(vertex > 0.0, 1.0 / vertex, 1e300)
-                    highest, runner = load(best, p), load(second, p)
-                    wins = local & (top > highest)
-                    next_best = local & (top > runner) & (top <= highest)
-                    store(second, select(wins, highest, select(next_best, top, runner)), p)
-                    place = load(runner_up, p)
-                    store(runner_up, select(wins, load(where, p), select(next_best, float(k - 1), place)), p)
-                    store(best, select(wins, top, highest), p)
-                    store(where, select(wins, float(k - 1), load(where, p)), p)
+            if k > 1:
+                _peaks(wants, k - 1, (distance2, distance1, distance), (m2, m1, m), marks)
             distance2, distance1 = distance1, distance
         x2, y2, m2, x1, y1, m1 = x1, y1, m1, x, y, m
-    store2(readings, root(tallest), c, HIGHEST)
-    for end, beside, next_, third in ((0, 1, 2, 3), (last, last - 1, last - 2, last - 3)):
-        ratio = program.frequencies[next_] / program.frequencies[beside]
-        ratio = ratio * ratio if end == 0 else 1.0 / (ratio * ratio)
-        distance = program.frequencies[end] / program.frequencies[beside]
-        distance = distance * distance if end == 0 else 1.0 / (distance * distance)
-        near = _squared(store_re, store_im, c, beside, 2)
-        x, y = load2(store_re, c, end), load2(store_im, c, end)
-        arrived = _arrived(x, y, near, _squared(store_re, store_im, c, next_, 2), ratio, distance)
-        if end > 0:
-            arrived = arrived | (near <= _NOTHING * (tallest if wants & (BANDWIDTH | PEAK) else spread(1.0)))
-        doubt = select(arrived, doubt, ALL)
-        for p in range(3):
-            if not wants & (SENSITIVITY << p if p < 2 else PEAK | PHASE | DELAY):
-                continue
-            rest, near = _squared(store_re, store_im, c, end, p), _squared(store_re, store_im, c, beside, p)
-            beyond = _squared(store_re, store_im, c, next_, p), _squared(store_re, store_im, c, third, p)
-            excess = _excess(rest, near, beyond, ratio)
-            if p < 2:
-                peak_doubt = select(excess > 0.0, float(SENSITIVITY + COMPLEMENTARY), peak_doubt)
-            else:
-                high_doubt = select(excess > 0.0, float(PEAK), high_doubt)
-                passes = (rest < 1.0) & (rest * (1.0 + 2.0 * excess) > 1.0)
-                phase_doubt = select(passes & (excess > 0.0), float(PHASE + DELAY), phase_doubt)
-    some = phase_doubt + gain_doubt + peak_doubt + level_doubt + high_doubt
-    store2(readings, select(doubt > 0.0, doubt, some), c, DOUBT)
-    for lane in range(LANES):
-        if (full >> lane) & 1:
-            readings[c, DOUBT, lane] = ALL
-        for end, beside in ((0, 1), (last, last - 1)):
-            if (
-                wants & GAIN
-                and store_re[c, end, lane] < -SMALLEST
-                and store_re[c, end, lane] > 2.0 * store_re[c, beside, lane]  # it is finite there
-                and abs(store_im[c, end, lane]) < 1e-3 * abs(store_re[c, end, lane])
-                and not abs(math.log(-store_re[c, end, lane])) > abs(math.log(readings[c, GAIN_MARGIN, lane]))
-            ):
-                readings[c, GAIN_MARGIN, lane] = -1.0 / store_re[c, end, lane]
-                readings[c, GAIN_AT, lane] = program.frequencies[end]
-        for p in range(3):
-            if not wants & (SENSITIVITY << p if p < 2 else PEAK):
-                continue
-            to = MS + p if p < 2 else HIGHEST
-            at_rest = size_of(PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
-            ends = max(at_rest, size_of(PEAK_S + p, store_re[c, last, lane], store_im[c, last, lane]))
-            k = int(where[p, lane])
-            # a peak that may be as high as an end of the axis is polished, and counts if it is higher
-            inside = best[p, lane] > ends * (1.0 - _RIVAL)
-            readings[c, to, lane] = math.sqrt(ends)
-            readings[c, MS_AT + p, lane] = program.frequencies[0 if ends == at_rest else last]
-            if not inside:
-                continue
-            bit = float(SENSITIVITY << p if p < 2 else PEAK)
-            full = _note(kinds, at, counts, of, 1 << lane, PEAK_S + p, k, c)
-            rival = second[p, lane] > best[p, lane] * (1.0 - _RIVAL)
-            if rival:
-                full |= _note(kinds, at, counts, of, 1 << lane, PEAK_S + p, int(runner_up[p, lane]), c)
-            if full or k < 2 or k > last - 2:
-                suspect(readings, c, lane, bit)
+    return full, tallest, doubts
+
+
+@compiled
+def _abruptly(
+    wants: int, abrupt: Any, here: tuple[Any, Any], before: tuple[Any, Any], m1: Any, static: Any, falls: Any, doubts: Doubts
+) -> Doubts:  # fmt: skip
+    """Doubt what could hide between two samples that are far apart: the way from one to the next, twice, reaches it."""
+    (x, y), (x1, y1) = here, before
+    doubt, phase_doubt, gain_doubt, peak_doubt, level_doubt, high_doubt = doubts
+    dx, dy = x - x1, y - y1
+    way = 4.0 * (dx * dx + dy * dy)
+    size = root(m1)
+    if wants & (PHASE | DELAY):
+        near = abrupt & ((size - 1.0) * (size - 1.0) < way)
+        phase_doubt = select(near, float(PHASE + DELAY), phase_doubt)
+    if wants & GAIN:
+        near = abrupt & (y1 * y1 < way) & ((x1 < 0.0) | (m1 < way)) & (m1 > SMALLEST * SMALLEST)
+        gain_doubt = select(near, float(GAIN), gain_doubt)
+    if wants & (SENSITIVITY | COMPLEMENTARY):
+        distance = (1.0 + x1) * (1.0 + x1) + y1 * y1
+        near = abrupt & ((distance < 4.0) | (distance < way))
+        peak_doubt = select(near, float(SENSITIVITY + COMPLEMENTARY), peak_doubt)
+    if wants & BANDWIDTH:
+        gap = size - root(static * FALL)
+        level_doubt = select(abrupt & (falls == 0.0) & (gap * gap < way), float(BANDWIDTH), level_doubt)
+    if wants & PEAK:
+        high_doubt = select(abrupt & (m1 > 0.25 * static), float(PEAK), high_doubt)
+    return doubt, phase_doubt, gain_doubt, peak_doubt, level_doubt, high_doubt
+
+
+@compiled
+def _turns(
+    wants: int, place: int, c: int, m2: Any, m1: Any, m: Any, reference: Any, falls: Any, kinds: Real, at: Real,
+    counts: Whole, of: Real,
+) -> int:  # fmt: skip
+    """Enter where a square of size turns so near to 1, or to what a bandwidth ends at, that it may pass it twice; return whose list is full."""
+    merged()
+    full = 0
+    if wants & (PHASE | DELAY | BANDWIDTH):
+        bend = magnitude(m - 2.0 * m1 + m2)
+        if wants & (PHASE | DELAY) and anywhere(magnitude(m1 - 1.0) < bend):
+            unseen = _hidden(m2, m1, m, 1.0)
+            if anywhere(unseen):
+                full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_UNIT, place, c)
+        if wants & BANDWIDTH and anywhere(magnitude(m1 - reference) < bend):
+            unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
+            if anywhere(unseen):
+                full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_LEVEL, place, c)
+    return full
+
+
+@compiled
+def _crosses(
+    wants: int, k: int, last: int, c: int, before: tuple[Any, Any, Any, Any], here: tuple[Any, Any, Any, Any],
+    squares: tuple[Any, Any], off_axis: Any, doubt: Any, readings: Real, kinds: Real, at: Real, counts: Whole, of: Real,
+) -> tuple[int, Any]:  # fmt: skip
+    """Enter where a loop passes the unit circle and the negative axis; return whose list is full, and doubt of who does so at the ends.
+
+    ``before`` and ``here`` say whether it is larger than 1, counts, lies left and above.
+    """
+    merged()
+    (over1, counts1, left1, above1), (over, large, left, above), (m1, m) = before, here, squares
+    full, passes = 0, over ^ over1
+    if k in (1, last):
+        doubt = select(passes, ALL, doubt)
+    elif wants & (PHASE | DELAY) and anywhere(passes):
+        full |= _note(kinds, at, counts, of, lanes_of(passes), CROSS_UNIT, k, c)
+    if wants & GAIN:
+        passes_left = (above ^ above1) & (left | left1)
+        changes = passes_left & (large | counts1)
+        faint = passes_left & (m <= SMALLEST * SMALLEST) & (m1 > FAINTEST * FAINTEST) & (m1 <= SMALLEST * SMALLEST)
+        if 1 < k < last and anywhere(faint):
+            store2(readings, select(faint, FAINT, load2(readings, c, GAIN_AT)), c, GAIN_AT)
+        if k in (1, last):
+            doubt = select(changes & off_axis, ALL, doubt)
+        elif anywhere(changes):
+            full |= _note(kinds, at, counts, of, lanes_of(changes), CROSS_AXIS, k, c)
+    return full, doubt
+
+
+@compiled
+def _peaks(wants: int, place: int, distances: tuple[Any, Any, Any], squares: tuple[Any, Any, Any], marks: Real) -> None:
+    """Keep the two highest peaks of each kind in ``marks``, by three samples around ``place``."""
+    merged()
+    (distance2, distance1, distance), (m2, m1, m) = distances, squares
+    best, second, where, runner_up = marks[0:3], marks[3:6], marks[6:9], marks[9:12]
+    for p in range(3):
+        if not wants & (SENSITIVITY << p if p < 2 else PEAK):
+            continue
+        local = (m < m1) & (m2 <= m1)
+        if p == 0:
+            local = (distance > distance1) & (distance2 >= distance1)
+        elif p == 1:
+            local = (distance * m1 > distance1 * m) & (distance2 * m1 >= distance1 * m2)
+        if anywhere(local):
+            # the height of the peak between the samples, from the parabola through the inverse of what peaks
+            f0, f1, f2 = _inverse(p, distance2, m2), _inverse(p, distance1, m1), _inverse(p, distance, m)
+            vertex = f1 - (f0 - f2) * (f0 - f2) / (8.0 * (f0 - 2.0 * f1 + f2))
+            top = select(vertex > 0.0, 1.0 / vertex, 1e300)
+            highest, runner = load(best, p), load(second, p)
+            wins = local & (top > highest)
+            next_best = local & (top > runner) & (top <= highest)
+            store(second, select(wins, highest, select(next_best, top, runner)), p)
+            behind = select(next_best, float(place), load(runner_up, p))
+            store(runner_up, select(wins, load(where, p), behind), p)
+            store(best, select(wins, top, highest), p)
+            store(where, select(wins, float(place), load(where, p)), p)
+
+
+@compiled
+def _enter_ends(
+    program: SpectrumProgram, wants: int, last: int, c: int, lane: int, store_re: Real, store_im: Real, readings: Real
+) -> None:  # fmt: skip
+    """Enter the gain margin at an end of the axis on which a loop ends at a negative number."""
+    for end, beside in ((0, 1), (last, last - 1)):
+        if (
+            wants & GAIN
+            and store_re[c, end, lane] < -SMALLEST
+            and store_re[c, end, lane] > 2.0 * store_re[c, beside, lane]  # it is finite there
+            and abs(store_im[c, end, lane]) < 1e-3 * abs(store_re[c, end, lane])
+            and not abs(math.log(-store_re[c, end, lane])) > abs(math.log(readings[c, GAIN_MARGIN, lane]))
+        ):
+            readings[c, GAIN_MARGIN, lane] = -1.0 / store_re[c, end, lane]
+            readings[c, GAIN_AT, lane] = program.frequencies[end]
+
+
+@compiled
+def _enter_peak(
+    program: SpectrumProgram, last: int, c: int, lane: int, p: int, store_re: Real, store_im: Real, readings: Real,
+    kinds: Real, at: Real, counts: Whole, of: Real, marks: Real,
+) -> None:  # fmt: skip
+    """Enter the higher end of the axis, and as events the peaks that may be as high and are polished: those count if they are higher."""
+    best, second, where, runner_up = marks[0:3], marks[3:6], marks[6:9], marks[9:12]
+    at_rest = size_of(PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
+    ends = max(at_rest, size_of(PEAK_S + p, store_re[c, last, lane], store_im[c, last, lane]))
+    k = int(where[p, lane])
+    readings[c, MS + p if p < 2 else HIGHEST, lane] = math.sqrt(ends)
+    readings[c, MS_AT + p, lane] = program.frequencies[0 if ends == at_rest else last]
+    if not best[p, lane] > ends * (1.0 - _RIVAL):
+        return
+    full = _note(kinds, at, counts, of, 1 << lane, PEAK_S + p, k, c)
+    if second[p, lane] > best[p, lane] * (1.0 - _RIVAL):
+        full |= _note(kinds, at, counts, of, 1 << lane, PEAK_S + p, int(runner_up[p, lane]), c)
+    if full or k < 2 or k > last - 2:
+        suspect(readings, c, lane, float(SENSITIVITY << p if p < 2 else PEAK))
 
 
 @compiled
@@ -332,52 +368,6 @@ def _inverse(p: int, distance: Any, square: Any) -> Any:
     if p == 0:
         return distance
     return (distance if p == 1 else spread(1.0)) / square
-
-
-@compiled
-def _squared(store_re: Real, store_im: Real, c: int, k: int, p: int) -> Any:
-    """Return |1/(1 + L)|², |L/(1 + L)|² or |T|² at one frequency."""
-    x, y = load2(store_re, c, k), load2(store_im, c, k)
-    square, distance = x * x + y * y, (1.0 + x) * (1.0 + x) + y * y
-    if p == 2:
-        return square
-    return (square if p == 1 else spread(1.0)) / distance
-
-
-@compiled
-def _arrived(x: Any, y: Any, near: Any, next_: Any, ratio: float, distance: float) -> Any:
-    """Whether the samples beside an end of the axis follow the power of frequency that leads to x + jy at the end.
-
-    A square w^n, w = ω² (at the other end 1/ω²), grows by ratio^n from the sample beside the end to the next, and by
-    distance^n to the end, where the curve is real if n is even and imaginary if it is odd. One that does not has poles or
-    zeros between them.
-    """
-    rest, steepness = x * x + y * y, (next_ - near) / (next_ + near)
-    found = rest < 0.0
-    to_next, to_end = ratio ** float(-_STEEPEST), distance ** float(-_STEEPEST)
-    for power in range(-_STEEPEST, _STEEPEST + 1):
-        matches = magnitude(steepness - (to_next - 1.0) / (to_next + 1.0)) < _ON_THE_WAY * (ratio - 1.0) / (ratio + 1.0)
-        across, along = (x, y) if power & 1 else (y, x)
-        straight = magnitude(across) < _ASKEW * magnitude(along)
-        found = found | (matches & straight & (rest > 0.8 * to_end * near) & (rest < 1.25 * to_end * near))
-        to_next, to_end = to_next * ratio, to_end * distance
-    return found
-
-
-@compiled
-def _excess(rest: Any, near: Any, beyond: tuple[Any, Any], ratio: float) -> Any:
-    """Return by which part a curve may rise above an end of the axis before the first sample beside it; 0 where it does not.
-
-    With w = ω² in units of the sample's (at the other end 1/ω²) the square is rest (1 + a w + b w² + c w³), through the
-    samples at 1, ratio and ratio². Without c a peak far before the first of them, where a is small beside b, would be lost.
-    """
-    first, second = near / rest - 1.0, (beyond[0] / rest - 1.0) / ratio
-    third = (beyond[1] / rest - 1.0) / (ratio * ratio)
-    near_slope, far_slope = (second - first) / (ratio - 1.0), (third - second) / (ratio * (ratio - 1.0))
-    c = (far_slope - near_slope) / (ratio * ratio - 1.0)
-    b = near_slope - c * (1.0 + ratio)
-    a = first - b - c
-    return select((a > 0.0) & (b < 0.0) & (a < -_AHEAD * b), a * a / (-4.0 * b), 0.0) - _SLIGHT
 
 
 @compiled

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from engine.batch.kernels.compiled import LANES, allocating, compiled
 from engine.batch.kernels.functions import multiply_add
-from engine.batch.kernels.marching import interpret
+from engine.batch.kernels.marching import drive, interpret
 from engine.batch.kernels.vector import load, load2, select, spread, store, store2
 
 Real = npt.NDArray[np.float64]
@@ -61,25 +61,6 @@ class Tapes(NamedTuple):
     switched: ChangeRows
     settled: ChangeRows
     released: ChangeRows
-
-
-@compiled
-def _drive(
-    registers: Real, first: int, inputs: Real, row: int, places: Whole, shares: Real, past: Real, group: int
-) -> None:
-    """Put inputs and delayed signals at a row into the registers of one group, ``first`` on."""
-    given, delayed = inputs.shape[1], places.shape[1]
-    for i in range(given):
-        store2(registers, inputs[row, i], first + i, 0)
-    for i in range(delayed):
-        values, slopes, slot = past[i], past[delayed + i], places[row, i]
-        a, b = load2(values, slot, group), load2(slopes, slot, group)
-        c, d = load2(values, slot + 1, group), load2(slopes, slot + 1, group)
-        for kind in range(2):
-            share = shares[row, i, 4 * kind : 4 * kind + 4]
-            heard = multiply_add(b, spread(share[1]), a * share[0])
-            heard = multiply_add(d, spread(share[3]), multiply_add(c, spread(share[2]), heard))
-            store2(registers, heard, first + given + kind * delayed + i, 0)
 
 
 @compiled
@@ -190,6 +171,22 @@ def _note(
                     corners[k, 2 * side + 1, lane] = time + theta[0, lane] * width
 
 
+@compiled
+def _narrow(end: Real, found: Real, aim: Real, low: Real, high: Real, below: Real, above: Real, side: Real) -> None:
+    """Narrow the brackets of instants by what was ``found`` (LANES,) at ``end`` (1, LANES): by the Illinois method."""
+    for lane in range(LANES):
+        if 0.0 < found[lane] <= 4.0 * aim[lane]:
+            low[lane] = high[lane] = end[0, lane]
+        elif found[lane] > 0.0:
+            high[lane], above[lane] = end[0, lane], found[lane]
+            below[lane] *= 0.5 if side[lane] > 0 else 1.0
+            side[lane] = 1.0
+        else:
+            low[lane], below[lane] = end[0, lane], found[lane]
+            above[lane] *= 0.5 if side[lane] < 0 else 1.0
+            side[lane] = -1.0
+
+
 @allocating
 def _cut(
     tapes: Tapes, registers: Real, base: Real, before: Real, guard: Real, scales: Real, counts: Whole, ends: Real,
@@ -232,17 +229,7 @@ def _cut(
             _largest(tapes.guards, registers, scales, found)
             if last:
                 break
-            for lane in range(LANES):
-                if 0.0 < found[lane] <= 4.0 * aim[lane]:
-                    low[lane] = high[lane] = end[0, lane]
-                elif found[lane] > 0.0:
-                    high[lane], above[lane] = end[0, lane], found[lane]
-                    below[lane] *= 0.5 if side[lane] > 0 else 1.0
-                    side[lane] = 1.0
-                else:
-                    low[lane], below[lane] = end[0, lane], found[lane]
-                    above[lane] *= 0.5 if side[lane] < 0 else 1.0
-                    side[lane] = -1.0
+            _narrow(end, found, aim, low, high, below, above, side)
         _note(tapes.read, registers, time, width, end, active, corners)
         for lane in range(LANES):
             who[0, lane] = 1.0 if active[lane] else 0.0
@@ -272,6 +259,41 @@ def _cut(
         if active[lane]:
             lost[lane] = 1.0
     registers[:states, 0] = reached
+
+
+@compiled
+def _take(
+    tapes: Tapes, registers: Real, base: Real, total: Real, inputs: Real, row: int, places: Whole, shares: Real, past: Real,
+    group: int, width: float,
+) -> None:  # fmt: skip
+    """Take a whole step from the states, whose rates the registers hold; ``base`` keeps them."""
+    states, sixth, third, half = tapes.rates.shape[0], spread(width / 6), spread(width / 3), spread(width / 2)
+    for i in range(states):
+        x, slope = load2(registers, i, 0), load2(registers, tapes.rates[i], 0)
+        store(base, x, i)
+        store(total, multiply_add(slope, sixth, x), i)
+        store2(registers, multiply_add(slope, half, x), i, 0)
+    for stage in range(1, 4):
+        drive(registers, states, inputs, row + (stage + 1) // 2, places, shares, past, group)
+        interpret(tapes.rates_only, registers)
+        for i in range(states):
+            slope = load2(registers, tapes.rates[i], 0)
+            if stage == 3:
+                store2(registers, multiply_add(slope, sixth, load(total, i)), i, 0)
+            else:
+                store(total, multiply_add(slope, third, load(total, i)), i)
+                onward = half if stage == 1 else spread(width)
+                store2(registers, multiply_add(slope, onward, load(base, i)), i, 0)
+
+
+@compiled
+def _grow(guards: Whole, registers: Real, scales: Real) -> None:
+    """Let ``scales`` (guards, LANES) be as large as guards have been."""
+    for k in range(guards.shape[0]):
+        for lane in range(LANES):
+            size = abs(registers[guards[k], 0, lane])
+            if scales[k, lane] < size < np.inf:
+                scales[k, lane] = size
 
 
 @allocating
@@ -304,7 +326,6 @@ def march_modes(
     room = np.empty((max(1, most), LANES))
     who, guard, before = np.ones((1, LANES)), np.empty(LANES), np.empty(LANES)
     own = np.empty((scales.shape[0], LANES))
-    sixth, third, half, full = spread(width / 6), spread(width / 3), spread(width / 2), spread(width)
     for group in range(groups):
         registers[:, 0] = every[:, group]
         own[:] = scales[:, group]
@@ -315,38 +336,24 @@ def march_modes(
             _change(tapes.released, registers, own, who, room, lost)
         for k in range(steps + 1):
             row = 3 * k
-            _drive(registers, states, inputs, row, places, shares, past, group)
+            drive(registers, states, inputs, row, places, shares, past, group)
             if k == 0:
                 who[:] = 1.0
                 _settle(tapes, registers, own, who, room, lost, guard)
             interpret(tapes.whole, registers)
             _largest(tapes.guards, registers, own, guard)
-            for i in range(own.shape[0]):
-                for lane in range(LANES):
-                    size = abs(registers[tapes.guards[i], 0, lane])
-                    if own[i, lane] < size < np.inf:
-                        own[i, lane] = size
+            _grow(tapes.guards, registers, own)
             if np.any(guard > 0.0) and k > 0:
                 for end in range(2):
-                    _drive(registers, states, inputs, row - 3 + 2 * end, places, shares, past, group)
+                    drive(registers, states, inputs, row - 3 + 2 * end, places, shares, past, group)
                     ends[end] = registers[states : states + driven, 0]
                 for lane in range(LANES):
                     cut[lane] = max(cut[lane], 1.0 if guard[lane] > 0.0 else 0.0)
                 _cut(
-                    tapes,
-                    registers,
-                    base,
-                    before,
-                    guard,
-                    own,
-                    counts,
-                    ends,
-                    time + (k - 1) * width,
-                    width,
-                    lost,
+                    tapes, registers, base, before, guard, own, counts, ends, time + (k - 1) * width, width, lost,
                     corners[group],
-                )
-                _drive(registers, states, inputs, row, places, shares, past, group)
+                )  # fmt: skip
+                drive(registers, states, inputs, row, places, shares, past, group)
                 interpret(tapes.whole, registers)
                 _largest(tapes.guards, registers, own, guard)
             before[:] = guard
@@ -362,20 +369,6 @@ def march_modes(
                 past[i, first + k, group] = registers[tapes.entering[i], 0]
             if k == steps:
                 break
-            for i in range(states):
-                x, slope = load2(registers, i, 0), load2(registers, tapes.rates[i], 0)
-                store(base, x, i)
-                store(total, multiply_add(slope, sixth, x), i)
-                store2(registers, multiply_add(slope, half, x), i, 0)
-            for stage in range(1, 4):
-                _drive(registers, states, inputs, row + (stage + 1) // 2, places, shares, past, group)
-                interpret(tapes.rates_only, registers)
-                for i in range(states):
-                    slope = load2(registers, tapes.rates[i], 0)
-                    if stage == 3:
-                        store2(registers, multiply_add(slope, sixth, load(total, i)), i, 0)
-                    else:
-                        store(total, multiply_add(slope, third, load(total, i)), i)
-                        store2(registers, multiply_add(slope, half if stage == 1 else full, load(base, i)), i, 0)
+            _take(tapes, registers, base, total, inputs, row, places, shares, past, group, width)
         scales[:, group] = own
         every[:, group] = registers[:, 0]

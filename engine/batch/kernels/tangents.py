@@ -7,6 +7,7 @@ parameters at a fixed instant or frequency, and the event's own motion is added 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +86,14 @@ def _levels(program: TimeProgram, readings: Real, h: float, most: int) -> int:
     return top
 
 
+@compiled
+def _final_slope(o: int, nn: int, direct: Any, c: Real, dc: Real, start: Real, d_start: Real) -> Any:
+    """Return how the final value of output ``o`` moves."""
+    for i in range(nn):
+        direct = direct - load2(c, 2 * o, i) * load(d_start, i) - load2(dc, 2 * o, i) * load(start, i)
+    return direct
+
+
 @allocating
 def differentiate(
     tape: Tape, count: int, program: TimeProgram, curves: SpectrumProgram, of_time: Whole, of_curves: Whole, points: Real,
@@ -159,9 +168,7 @@ def differentiate(
                 if program.traces[t, 1] != e:
                     continue
                 o = program.traces[t, 0]
-                d_final = load2(dd, o, e)
-                for i in range(nn):
-                    d_final = d_final - load2(c, 2 * o, i) * load(d_start, i) - load2(dc, 2 * o, i) * load(start, i)
+                d_final = _final_slope(o, nn, load2(dd, o, e), c, dc, start, d_start)
                 response_slopes(
                     program.traces[t, 2], readings[candidate, t], found[t], h, readings[candidate, t, r.FINAL], d_final,
                     powers, d_powers, nn, start, d_start, taylors[o], d_taylors[o], states, series, slopes,
