@@ -14,12 +14,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
+from engine.elements._nonlinear import Moment
 from engine.model.interruption import look
 from optimizers.independent_check.equations import Equations, Instants, seen
 from optimizers.independent_check.march import NODES, CannotFollowError, March
 
 if TYPE_CHECKING:
-    from engine.elements._nonlinear import Change, Moment
+    from engine.elements._nonlinear import Change
     from engine.exact.laws.system import NonlinearSystem
     from engine.signals import Signal
 
@@ -33,8 +34,9 @@ _MOST_EVENTS: Final = 300
 _MOST_PIECES: Final = 20_000
 _MOST_AT_ONCE: Final = 50
 _FEWEST_STEPS: Final = 100
-_POSITIVE: Final = 1e-10
-"""A guard that is larger than this part of the law's largest input is positive."""
+_POSITIVE, _MISSED = 1e-10, 1e-5
+"""A guard that is larger than this part of its size is positive; one that is so between two events was passed unseen."""
+_PARTS: Final = ("x", "z", "slope", "y")
 _JUMP: Final = 1e-9
 
 
@@ -66,6 +68,7 @@ class Follower:
         self._span = (0.0, 0.0)
         self._looks = self._events = 0
         self._largest = np.zeros(self._equations.matrices["c3"].shape[0])
+        self._sizes = [np.zeros(1) for _ in self._laws]
 
     def beginning(self) -> Array:
         """Return the outputs just before the commands begin, (outputs,): of a system without any."""
@@ -105,6 +108,8 @@ class Follower:
                     states = np.asarray(dense(instants)).T
                     largest = np.maximum(largest, np.abs(states).max(axis=0))
                     pieces.append((instants, self._read(instants, states)[:, list(outputs)]))
+                    if next(self._beyond(instants, states, _MISSED), None) is not None:
+                        raise CannotFollowError
                 self._equations.modes = later
                 if len(pieces) > _MOST_PIECES:
                     raise CannotFollowError
@@ -127,14 +132,15 @@ class Follower:
         self, begin: float, end: float, relative: float, sizes: Real
     ) -> tuple[list[float], Callable[[Real], Any], list[int], float]:
         """Go on from ``begin`` to the next event or ``end``; return the steps, the states on them, their modes, and where it ended."""
-        guards = [(k, g) for k, values in enumerate(self._guards(begin, self._x)) for g in range(len(values))]
-        at: dict[float, list[list[float]]] = {}
+        # What `_settle` left positive is so by rounding only and counts as 0: of one that is positive the solver sees no passage.
+        at = {begin: [[min(float(g[0]), 0.0) for g in law] for law in self._guards(np.array([begin]), self._x[None])]}
+        guards = [(k, g) for k, values in enumerate(at[begin]) for g in range(len(values))]
 
         def watched(number: int, guard: int) -> Callable[[float, Real], float]:
             def value(t: float, x: Real) -> float:
                 # What an end of a step said stands: the dense output differs from it by rounding, which may change a sign.
                 if t not in at:
-                    at[t] = self._guards(t, x)
+                    at[t] = [[float(g[0]) for g in law] for law in self._guards(np.array([t]), x[None])]
                 return at[t][number][guard]
 
             value.terminal, value.direction = True, 1.0  # type: ignore[attr-defined]
@@ -181,16 +187,27 @@ class Follower:
         flow = self._equations.flow(at)
         return seen(self._laws[number], at, flow.e, flow.v, self._equations.slopes(at, flow))
 
-    def _guards(self, t: float, x: Real) -> list[list[float]]:
-        """Return the guards of every law at one instant."""
-        at = self._at(np.array([t]), x[None])
+    def _guards(self, t: Real, x: Array) -> list[list[Real]]:
+        """Return the guards of every law at some instants, each (N,); note how large their parts are."""
+        at = self._at(t, x)
         flow = self._equations.flow(at)
         slopes = self._equations.slopes(at, flow)
-        return [
-            [float(np.ravel(value)[0].real) for value in law.element.guards(moment, mode, law.real)]
-            for law, mode in zip(self._laws, self._equations.modes, strict=True)
-            for moment in [seen(law, at, flow.e, flow.v, slopes)]
-        ]
+        found = []
+        for number, (law, mode) in enumerate(zip(self._laws, self._equations.modes, strict=True)):
+            moment = seen(law, at, flow.e, flow.v, slopes)
+            self._sizes[number] = np.fmax(self._sizes[number], np.abs(_parts(moment)).max(axis=1))
+            found.append([np.broadcast_to(np.real(g), t.shape) for g in law.element.guards(moment, mode, law.real)])
+        return found
+
+    def _size(self, number: int, guard: int, t: float, x: Real) -> float:
+        """Return a guard's size: what the largest values of its parts, whose units differ, move it by."""
+        law, m = self._laws[number], self._moment(number, t, x)
+        parts = _parts(m)
+        moved = iter(parts[:, None, :] + 1j * _STEP * np.eye(len(parts))[:, :, None])
+        m = Moment(t=t, **{name: [next(moved) for _ in getattr(m, name)] for name in _PARTS})
+        value = law.element.guards(m, self._equations.modes[number], law.real)[guard]
+        slopes = np.broadcast_to(np.imag(value) / _STEP, (len(parts), 1))[:, 0]
+        return float(np.nan_to_num(np.abs(slopes) * self._sizes[number], posinf=0.0).sum())
 
     def _begin(self) -> None:
         """Let the laws choose their first modes."""
@@ -219,19 +236,21 @@ class Follower:
     def _settle(self, t: float) -> None:
         """Let every law change its mode until all agree."""
         for _ in range(_MOST_AT_ONCE):
-            beyond = next(self._beyond(t), None)
+            if any(law.element.idle(mode) for law, mode in zip(self._laws, self._equations.modes, strict=True)):
+                raise CannotFollowError
+            beyond = next(self._beyond(np.array([t]), self._x[None], _POSITIVE), None)
             if beyond is None:
                 return
             self._switch(*beyond, t)
         raise CannotFollowError
 
-    def _beyond(self, t: float) -> Iterator[tuple[int, int]]:
-        """Yield every law and guard that is positive."""
-        if any(law.element.idle(mode) for law, mode in zip(self._laws, self._equations.modes, strict=True)):
-            raise CannotFollowError
-        for number, (law, guards) in enumerate(zip(self._laws, self._guards(t, self._x), strict=True)):
-            least = _POSITIVE * float(self._largest[law.inputs].max(initial=0.0))
-            yield from ((number, guard) for guard, value in enumerate(guards) if value > least)
+    def _beyond(self, t: Real, x: Array, part: float) -> Iterator[tuple[int, int]]:
+        """Yield every law and guard that is larger than a part of its size at one of some instants."""
+        for number, guards in enumerate(self._guards(t, x)):
+            for guard, values in enumerate(guards):
+                k = int(np.argmax(values))
+                if values[k] > 0 and values[k] > part * self._size(number, guard, float(t[k]), x[k]):
+                    yield number, guard
 
     def _switch(self, number: int, guard: int, t: float) -> None:
         law, before = self._laws[number], self._equations.modes[number]
@@ -255,3 +274,8 @@ class Follower:
         if change.x is not None:
             for k, state in enumerate(range(self._laws[number].states.start, self._laws[number].states.stop)):
                 self._x[state] = float(np.ravel(change.x[k])[0].real)
+
+
+def _parts(m: Moment) -> Real:
+    """Return all that a law's guards may depend on, (parts, N)."""
+    return np.array([signal for name in _PARTS for signal in getattr(m, name)])

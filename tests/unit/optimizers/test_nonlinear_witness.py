@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import pytest
+from scipy.integrate import solve_ivp
 
 from engine.diagram.diagram import Diagram, compile_system
 from engine.model.masks import Envelope, Polyline
@@ -13,7 +14,7 @@ from engine.signals import make
 from optimizers.evaluation.certificate import certificate_of, certify
 from optimizers.evaluation.effort import metered
 from optimizers.evaluation.measuring import measured
-from optimizers.independent_check import Statement, witnessed
+from optimizers.independent_check import Statement, switched, witnessed
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from tests.unit.engine.diagrams import block, document
 
@@ -66,6 +67,54 @@ def axis(**values: float) -> Diagram:
     return compile_system(document(blocks, wires, {"y": "x"}, k=2.0))
 
 
+SPOOL, DAMPING, MASS = 400.0, 0.8, 250.0
+
+
+def cylinder(*, slow: bool) -> Diagram:
+    """A valve, slow or driven directly, and a cylinder of 250 kg under P control of its position, which begins at 0.25 m."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("p", kp="=k"), "load": block("input", role="disturbance"),
+        "s": block("low_pass", frequency=SPOOL, order=2, damping_ratio=DAMPING), "v": block("orifice_valve", stroke=5e-4),
+        "x": block(
+            "hydraulic_cylinder", mass=MASS, viscous_friction=800.0, dead_volume_a=1.5e-4, initial_pressure_a=3.5e6, leakage=2e-11
+        ),
+    }  # fmt: skip
+    drive = ["c -> s", "s -> v.spool"] if slow else ["c -> v.spool"]
+    wires = [
+        "r -> e.in1", "x.position -> e.in2", "e -> c", "load -> x.force", "x.pressure_a -> v.pressure_a",
+        "x.pressure_b -> v.pressure_b", "v.flow_a -> x.flow_a", "v.flow_b -> x.flow_b",
+    ]  # fmt: skip
+    used = {name: made for name, made in blocks.items() if slow or name != "s"}
+    return compile_system(document(used, [*wires, *drive], {"y": "x.position", "u": "c"}, k=0.05))
+
+
+def written_out(k: float, reference: float, duration: float, *, slow: bool) -> dict[str, float]:
+    """The same loop in its own equations, its integrals among the states."""
+
+    def flow(opening: float, difference: float) -> float:
+        return 0.62 * 0.02 * opening * math.sqrt(2 / 870) * difference / (difference**2 + 1e8) ** 0.25
+
+    def rates(t: float, state: Any) -> list[float]:
+        spool, moving, a, b, x, v = state[:6]
+        error = reference - x
+        opening = min(max(spool if slow else k * error, -5e-4), 5e-4)
+        into_a = flow(opening, 1e7 - a if opening > 0 else a)
+        into_b = -flow(opening, b if opening > 0 else 1e7 - b)
+        leak = 2e-11 * (a - b)
+        return [
+            moving, SPOOL**2 * (k * error - spool) - 2 * DAMPING * SPOOL * moving,
+            1e9 / (1.5e-4 + 2e-3 * x) * (into_a - 2e-3 * v - leak), 1e9 / (1e-4 + 1.2e-3 * (0.5 - x)) * (into_b + 1.2e-3 * v + leak),
+            v, (2e-3 * a - 1.2e-3 * b - 800 * v) / MASS,
+            abs(error), error**2, t * abs(error), (k * error) ** 2,
+        ]  # fmt: skip
+
+    start = [0.0, 0.0, 3.5e6, 3.5e6 / 0.6, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0]
+    small = [1e-12, 1e-9, 1e-2, 1e-2, 1e-12, 1e-10, 1e-13, 1e-16, 1e-14, 1e-18]
+    found = solve_ivp(rates, (0.0, duration), start, method="LSODA", rtol=1e-9, atol=small, max_step=1e-3)
+    iae, ise, itae, effort = found.y[6:, -1]
+    return {"iae": iae, "ise": ise, "itae": itae, "control_effort_rms": math.sqrt(effort / duration)}
+
+
 def stated(made: Problem) -> list[Statement | None]:
     return witnessed(made, made.before, {})
 
@@ -112,6 +161,27 @@ def test_two_ways_of_following_a_run_agree(law):
             assert second is not None, goal.metric
             assert second.tolerance <= 1e-3 * abs(second.value) + 1e-6, goal.metric
             assert abs(second.value - first.value) <= second.tolerance + 1e-7 * abs(first.value), goal.metric
+
+
+@pytest.mark.parametrize(("k", "slow"), [(0.03, True), (0.049, True), (0.06, True), (0.06, False)])
+def test_a_valve_that_passes_its_centre_and_its_ends_is_followed(k, slow):
+    """Both edges of a valve without overlap are at 0, and its inputs are 5e-4 m and 1e7 Pa: it stayed closed, or within its stroke."""
+    duration = 0.15
+    exact = written_out(k, 0.255, duration, slow=slow)
+    goals = [
+        Goal(metric=metric, experiment="step", output=output, sense=Sense.MINIMIZE)
+        for metric, output in (("iae", "y"), ("ise", "y"), ("itae", "y"), ("control_effort_rms", "u"))
+    ]
+    made = problem(cylinder(slow=slow), duration, *goals, amplitude=0.255)
+    for goal, found in zip(goals, witnessed(made, {"k": k}, {}), strict=True):
+        assert found is not None, goal.metric
+        assert found.tolerance <= 1e-3 * found.value, goal.metric
+        assert abs(found.value - exact[goal.metric]) <= found.tolerance + 1e-6 * found.value, goal.metric
+
+
+def test_where_an_event_was_passed_unseen_nothing_is_said(monkeypatch):
+    monkeypatch.setattr(switched, "solve_ivp", lambda *given, events, **named: solve_ivp(*given, events=[], **named))
+    assert stated(problem(LAWS["saturation"], 5.0)) == [None] * len(GOALS)
 
 
 @pytest.mark.parametrize("duration", [1.0, 60.0])
