@@ -328,6 +328,7 @@ class AsyncClient:
         from_: str | None = ...,
         to: str | None = ...,
         signal: Document | None = ...,
+        duration: float | None = ...,
         settling_band: Any = ...,
         recovery_band: Any = ...,
         derivative: int | None = ...,

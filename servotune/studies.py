@@ -125,6 +125,7 @@ class Studies:
         from_: str | None = None,
         to: str | None = None,
         signal: Document | None = None,
+        duration: float | None = None,
         settling_band: Any = None,
         recovery_band: Any = None,
         derivative: int | None = None,
@@ -137,7 +138,8 @@ class Studies:
         `parameters` are paths of the system's, and `signals.<input>.<parameter>` of the command's. Where a nonlinear
         response cannot be differentiated, an elasticity comes from differences (`method`) with its estimated `error`.
         For each set of changes in `predict`, parameter -> new value or `{"change": 0.1}`, the reply tells what the
-        elasticities predict for every metric, what it really becomes, and the error. The bands and the density are those of
+        elasticities predict for every metric, what it really becomes, and the error. Responses are followed until they settle,
+        or to a `duration` (s), which bounds what takes long. The bands and the density are those of
         `settling_time`, `recovery_time` and `noise_rms`.
         """
         body = given(
@@ -150,6 +152,7 @@ class Studies:
             open_at=open_at,
             to=to,
             signal=signal,
+            duration=duration,
             settling_band=settling_band,
             recovery_band=recovery_band,
             derivative=derivative,

@@ -16,7 +16,8 @@ from api.problems.exceptions import KNOWN, problem_of
 from api.processes.memory import bound_memory
 from api.processes.worker import installed, opened
 from api.processes.worker import prepare as prepare_to_compute
-from api.services.jobs.computing import REFUSED
+from api.services.jobs.computing import REFUSED, Computing
+from api.services.operation.app_context import Installation
 from api.services.reports import reports
 from api.services.studies.results import with_text
 from api.services.studies.studied import STUDIES
@@ -27,6 +28,8 @@ from storage.session import Database
 
 #: How much less of the machine it gets than whoever answers the others.
 _NICE = 10
+#: What it may take on the clock (s) is for whoever waits for it to say, how much it may compute for `bound_computing`.
+_UNHURRIED_S = 1e6
 
 
 def prepare() -> Later | None:
@@ -60,12 +63,18 @@ def bound_computing(seconds: float) -> None:
     signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
+def unhurried(service: Installation) -> Installation:
+    """Return a service that looks at no clock: what a busy machine lets this process wait is no computing of its own."""
+    settings = service.settings.model_copy(update={"request_seconds": _UNHURRIED_S})
+    return replace(service, computing=Computing(settings))
+
+
 def _report(job: ComputeJob, database: Database) -> Mapping[str, Any]:
     return {"report": reports.written(database, job.workspace_id, **job.body["wanted"])}
 
 
 def _study(job: ComputeJob, database: Database) -> Mapping[str, Any]:
-    service = installed(database, job.body["settings"])
+    service = unhurried(installed(database, job.body["settings"]))
     request = job.body["model"].model_validate(job.body["request"])
     study = with_text(STUDIES[job.kind](service, job.body["caller"], request))
     # What is not kept travels as the text that is sent, and only so.

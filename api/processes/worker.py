@@ -7,9 +7,10 @@ import logging
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Final
 
 from api.problems.documents import Problem
 from api.problems.exceptions import KNOWN, problem_of
@@ -92,6 +93,11 @@ class _Watch:
         return self._kept
 
 
+_compiling: Final[list[int]] = []
+"""The process that compiles kernels, if there is one."""
+_LOOK_INTERVAL: Final = 0.2
+
+
 def prepare() -> Later | None:
     """Load the compiled kernels and the packages of searches, so that no job waits for them, and write the log as the worker does.
 
@@ -106,10 +112,30 @@ def prepare() -> Later | None:
         _load_compiled()
         return None
     _log.warning(
-        "kernels are being compiled, a minute or more: searches and batches that need them take so much longer until then"
+        "kernels are being compiled, a minute or more: searches wait until then, and batches take so much longer"
     )
     compiling = subprocess.Popen([sys.executable, "-c", _COMPILE])  # noqa: S603 - our own code
+    _compiling.append(compiling.pid)
     return Later(process=compiling.pid, work=_load_compiled)
+
+
+def _lives(process: int) -> bool:
+    """Return whether there still is that process; its parent may be the one of this one."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def await_compiled(reporter: Reporter) -> None:
+    """Wait for what a process beside compiles, with progress: compiling it here, too, would take as long, and nothing could end it.
+
+    It happens once for a machine and version, and is no time of the search's.
+    """
+    while _compiling and not _compiled_before() and _lives(_compiling[0]) and not reporter.ending():
+        reporter.progress(0.0, "waiting for kernels that are compiled, once for this machine: a minute or more")
+        time.sleep(_LOOK_INTERVAL)
 
 
 def _compiled_before() -> bool:
@@ -146,6 +172,7 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
 
 def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
     watch = _Watch(reporter, kept=job.state)
+    await_compiled(reporter)
     with spread(workers_of(Settings(), processors=len(os.sched_getaffinity(0)))):
         return optimizations.run(
             job.body, database=database, workspace=job.workspace_id, monitor=watch, seconds=job.seconds
@@ -154,6 +181,7 @@ def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Ma
 
 def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
     watch = _Watch(reporter, kept=job.state)
+    await_compiled(reporter)
     with spread(workers_of(Settings(), processors=len(os.sched_getaffinity(0)))):
         return identifications.run(
             job.body, database=database, workspace=job.workspace_id, monitor=watch, seconds=job.seconds

@@ -295,7 +295,10 @@ class Computing:
 
     def _too_long(self) -> Problem:
         seconds = self.settings.request_seconds
-        detail = f"a request must be computed within {seconds:g} s, got one that needs longer: ask for less at a time"
+        detail = (
+            f"a request must be computed within {seconds:g} s, got one that needs longer: ask for less at a time, and give a "
+            "`duration`, where there is one, to what is simulated until it settles"
+        )
         return Problem(422, "too-long", detail)
 
     def quiet(self) -> AbstractContextManager[object]:

@@ -92,5 +92,5 @@ class Bounds:
         raise StoppedError(Verdict.DOUBTFUL, msg)
 
     def _late(self, now: float, why: str) -> NoReturn:
-        msg = f"the simulation stops at t = {now:.6g} s {why}: shorten its duration"
+        msg = f"the simulation stops at t = {now:.6g} s {why}: give it a shorter `duration`"
         raise StoppedError(Verdict.TOO_SHORT, msg)

@@ -13,13 +13,16 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
 from api.problems.documents import Problem
 from api.problems.exceptions import RecalledError
+from api.processes.large_request import unhurried
 from api.services.jobs.computing import Computing, LargeError, Recall
+from api.services.operation.app_context import Installation
 from api.settings import Settings
 from storage.jobs.compute import ComputeJob
 
@@ -51,6 +54,19 @@ def test_what_takes_too_long_is_stopped_and_says_so() -> None:
     assert caught.value.status == 422
     slots.bounded(lambda: busy(0.05))  # nothing is raised later
     time.sleep(0.3)
+
+
+def test_what_a_busy_machine_lets_a_process_wait_is_no_computing_of_its_own() -> None:
+    """A simulation that ends after 30 s of computing, with advice, was refused without any after 60 s on the clock."""
+    hurried: Any = Installation(
+        settings=Settings(request_seconds=0.01), database=MagicMock(), queue=MagicMock(), computing=MagicMock()
+    )
+    assert unhurried(hurried).computing.bounded(lambda: busy(0.1)) > 0
+
+
+def test_who_asks_for_too_much_reads_what_bounds_a_simulation() -> None:
+    with pytest.raises(Problem, match="`duration`"):
+        computing(request_seconds=0.01).bounded(lambda: busy(30))
 
 
 LOADED_LATE = """

@@ -49,6 +49,12 @@ def test_absent_arguments_are_left_to_the_service(service: Service, client: serv
     }
 
 
+def test_an_influence_study_takes_a_duration(service: Service, client: servotune.Client):
+    service.on("POST /v1/influence", Answer({"elasticities": {}}))
+    client.influence("sys_1", input="u", output="y", parameters=["k"], metrics=["overshoot"], duration=1.2)
+    assert service.asked[0].json["duration"] == 1.2
+
+
 def test_the_python_keyword_from_has_an_underscore(service: Service, client: servotune.Client):
     service.on("POST /v1/frequency-responses", Answer({"variants": []}))
     client.frequency_response("sys_1", from_="reference", to="position")
