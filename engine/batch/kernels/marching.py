@@ -112,21 +112,9 @@ def drive(
 
 @allocating
 def march(
-    whole: Whole,
-    rates_only: Whole,
-    rates: Whole,
-    read: Whole,
-    entering: Whole,
-    registers: Real,
-    inputs: Real,
-    places: Whole,
-    shares: Real,
-    past: Real,
-    first: int,
-    width: float,
-    stride: int,
-    record: Real,
-) -> None:
+    whole: Whole, rates_only: Whole, rates: Whole, read: Whole, entering: Whole, registers: Real, inputs: Real,
+    places: Whole, shares: Real, past: Real, first: int, width: float, stride: int, record: Real,
+) -> None:  # fmt: skip
     """March over equal steps.
 
     Parameters

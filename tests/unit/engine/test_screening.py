@@ -217,9 +217,11 @@ def test_a_member_that_does_not_exist_is_invalid() -> None:
     assert screened.valid.tolist() == [True, False]
 
 
-@pytest.mark.parametrize(("resonance", "gain", "damping", "delay"), [(1e3, 0.05, 0.01, 1.0), (1e3, 0.05, 0.001, 0.5)])
+@pytest.mark.parametrize(
+    ("resonance", "gain", "damping", "delay", "seen"), [(1e3, 0.05, 0.01, 1.0, False), (1e3, 0.05, 0.001, 0.5, True)]
+)
 def test_an_unstable_resonance_behind_a_delay_is_doubted(
-    resonance: float, gain: float, damping: float, delay: float
+    resonance: float, gain: float, damping: float, delay: float, seen: bool
 ) -> None:
     # tests/reference/test_delay_poles.py counts its unstable poles: hundreds of turns of the delay lie within the resonance
     blocks = {
@@ -233,14 +235,14 @@ def test_an_unstable_resonance_behind_a_delay_is_doubted(
     requests = [MetricRequest(metric=name, open_at="e") for name in ("gain_margin", "phase_margin", "delay_margin")]
     # at 1e-6 the loop is stable; its margin is that of the resonance, which may lie between the places that are looked at
     found = Screening(diagram, requests)({"gain": np.array([gain, 1e-6])})
-    assert found.doubtful[0].all()
-    assert not found.doubtful[1, 1:].any()
+    assert found.doubtful.tolist() == [[True] * 3, [not seen, False, False]]
     omega = resonance * (1 + np.linspace(-5, 5, 10**6) * damping)
     opened = 1e-6 / (1 - (omega / resonance) ** 2 + 2j * damping * omega / resonance) * np.exp(-1j * omega * delay)
     crossing = np.flatnonzero((opened.imag[:-1] * opened.imag[1:] < 0) & (opened.real[:-1] < 0))
     margin = measure(diagram, requests[:1], overrides={"gain": 1e-6})[0][0].value
     assert margin == pytest.approx(1 / np.abs(opened[crossing]).max(), rel=1e-4)
-    assert found.doubtful[1, 0] or found.values[1, 0] == pytest.approx(margin, rel=1e-9)
+    if seen:
+        assert found.values[1, 0] == pytest.approx(margin, rel=1e-9)
 
 
 @pytest.mark.parametrize("limited", [False, True])
