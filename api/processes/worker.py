@@ -123,7 +123,7 @@ def _lives(process: int) -> bool:
     """Return whether there still is that process; its parent may be the one of this one."""
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, PermissionError):  # gone, or its number is another user's by now
         return False
     return True
 

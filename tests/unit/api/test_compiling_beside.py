@@ -72,6 +72,17 @@ def test_where_that_process_has_died_a_job_compiles_by_itself(beside) -> None:
     assert not reporter.told
 
 
+def test_a_process_of_another_user_that_took_over_the_number_does_not_compile(beside, monkeypatch) -> None:
+    def refused(_process: int, _signal: int) -> None:
+        raise PermissionError
+
+    worker.prepare()
+    monkeypatch.setattr(worker.os, "kill", refused)
+    reporter = Listened(looks=100)
+    worker.await_compiled(reporter)
+    assert not reporter.told
+
+
 def test_where_all_is_compiled_nobody_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker, "_compiled_before", lambda: True)
     monkeypatch.setattr(worker, "_load_compiled", lambda: None)
