@@ -129,12 +129,33 @@ class Sweep:
 
     def crossings(self, height: Height) -> list[float]:
         """Return every frequency at which ``height`` passes 0, rising."""
-        values = height(self.gains, self.frequencies)
-        w = self.frequencies
-        changes = np.flatnonzero((values[1:] < 0) != (values[:-1] < 0))
 
         def at(x: float) -> float:
             point = np.array([x])
             return float(height(self(point), point)[0])
 
+        w = self.frequencies
+        values = height(self.gains, w)
+        turns = [(turn, at(turn)) for turn in self._turns(values, at)]
+        w, values = np.append(w, [turn for turn, _ in turns]), np.append(values, [there for _, there in turns])
+        order = np.argsort(w, kind="stable")
+        w, values = w[order], values[order]
+        changes = np.flatnonzero((values[1:] < 0) != (values[:-1] < 0))
         return [float(brentq(at, w[k], w[k + 1], xtol=1e-14 * w[k], rtol=1e-14)) for k in changes]
+
+    def _turns(self, values: Real, at: Callable[[float], float]) -> list[float]:
+        """Return where a quantity with these values on the grid comes nearest to 0 between points, if it may pass it twice there."""
+        w, sizes = self.frequencies, np.abs(values)
+        left, here, right = sizes[:-2], sizes[1:-1], sizes[2:]
+        alike = (np.sign(values[:-2]) == np.sign(values[1:-1])) & (np.sign(values[1:-1]) == np.sign(values[2:]))
+        # a parabola through three points goes less far beyond the lowest one than that is below the others
+        near = alike & (here <= left) & (here <= right) & (2 * here <= np.maximum(left, right))
+        found = []
+        for k in np.flatnonzero(near) + 1:
+            sign = float(np.sign(values[k]))
+            lowest = minimize_scalar(
+                lambda x, sign=sign: sign * at(float(np.exp(x))), bounds=(np.log(w[k - 1]), np.log(w[k + 1])),
+                method="bounded", options={"xatol": 1e-11},
+            )  # fmt: skip
+            found.append(float(np.exp(lowest.x)))
+        return found

@@ -77,6 +77,32 @@ def test_an_oscillators_gains_are_those_of_the_textbooks() -> None:
     assert measured(oscillator(), "c", STEP, metric="path_bound", mask=own, **path) == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("above", [1e-2, 1e-4, 1e-6])
+def test_a_resonance_that_just_passes_one_is_not_overlooked(above) -> None:
+    damping, delay = 0.02, 0.3
+    gain = 2 * damping * math.sqrt(1 - damping**2) * (1 + above)
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=delay),
+        "plant": block("transfer_function", numerator=[gain], denominator=[1.0, 2 * damping, 1.0]),
+    }  # fmt: skip
+    wires = ("r -> e.in1", "plant -> e.in2", "e -> late", "late -> plant")
+    loop = compile_system(document(blocks, wires, {"y": "plant"}))
+    problem = Problem(
+        diagram=loop, variables=(Variable(parameter="late.time", lower=0.01, upper=1.0),),
+        goals=tuple(Goal(metric=metric, open_at="e", sense=Sense.MAXIMIZE) for metric in ("delay_margin", "phase_margin")),
+    )  # fmt: skip
+    apart = math.sqrt((1 - 2 * damping**2) ** 2 - 1 + gain**2)  # (1 - x)² + 4 ζ² x = k², x = ω²
+    angles = []
+    for x in (1 - 2 * damping**2 - apart, 1 - 2 * damping**2 + apart):
+        omega = math.sqrt(x)
+        turned = math.pi - math.atan2(2 * damping * omega, 1 - x) - delay * omega
+        angles.append((turned, omega))
+    close = 1e-13 / math.sqrt(above) / damping
+    found = [one.value for one in witnessed(problem, problem.before, {})]
+    assert found[0] == pytest.approx(min(angle / omega for angle, omega in angles), rel=max(1e-9, close))
+    assert found[1] == pytest.approx(min(angle for angle, _ in angles), rel=max(1e-9, close))
+
+
 def test_noise_through_an_oscillator_is_that_of_the_textbooks() -> None:
     path = {"source": "force", "target": "x"}
     energy = W / (4 * Z)  # ∫ g² of w²/(s² + 2 z w s + w²)
