@@ -45,6 +45,7 @@ class Limited:
         self._monitor, self._seconds, self._clock = monitor, seconds, clock
         self._began = self._looked = clock()
         self._longest = 0.0
+        self._ended: float | None = None
 
     def progress(self, fraction: float, message: str) -> None:
         """Pass the progress on."""
@@ -88,10 +89,16 @@ class Limited:
             return result
         incomplete = "" if result.certificate.valid else ", and it does not meet every goal"
         advice = (
-            f"the time of {self._seconds:.3g} s is used up: this is the best point until then{incomplete}. "
+            f"the time of {self._seconds:.3g} s is used up{self._left()}: this is the best point until then{incomplete}. "
             "Allow it more time, begin from this point, or fix some of the variables."
         )
         return replace(result, status=Status.BUDGET, advice=advice)
+
+    def _left(self) -> str:
+        """Tell how much of the time the search has left for the proof."""
+        return (
+            "" if self._ended is None else f" (the search ended after {self._ended:.3g} s, to leave time for the proof)"
+        )
 
     def _late(self) -> bool:
         if self._seconds is None:
@@ -101,4 +108,7 @@ class Limited:
         if not inside():  # an evaluation may be asked at its steps: it is as long as all of them
             self._longest, self._looked = longest, now
         reserve = max(_FOR_THE_PROOF * self._seconds, _EVALUATIONS * longest)
-        return now - self._began >= max(self._seconds - reserve, _AT_LEAST * self._seconds)
+        late = now - self._began >= max(self._seconds - reserve, _AT_LEAST * self._seconds)
+        if late and self._ended is None:
+            self._ended = now - self._began
+        return late
