@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import bisect
 import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
+
+from engine.exact.nonlinear.ways import Flags, Ways
+
+if TYPE_CHECKING:
+    from engine.exact.laws.system import NonlinearSystem
+    from engine.exact.nonlinear.driving import Driving
 
 Array = npt.NDArray[Any]
 
@@ -17,6 +25,9 @@ TOGETHER: Final = 1e-12
 
 SMOOTH: Final = 6
 """A kink that went through so many delays is smoother than the polynomials of a step can see."""
+
+_TAKEN: Final = 1e-6
+"""A sample has been taken that is due within this part of its period."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,19 +53,84 @@ def _lateness(stop: Stop) -> tuple[float, int]:
 
 
 class Agenda:
-    """Stops in their order; what is due is taken off."""
+    """Stops of one response in their order; what is due is taken off.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    system : NonlinearSystem
+        Its laws' first samples are noted.
+    driving : Driving
+        Its commands.
+    """
+
+    def __init__(self, system: NonlinearSystem, driving: Driving) -> None:
+        self._system, self._driving, self._ways = system, driving, Ways(system)
         self._stops: list[Stop] = []
         self._numbers = itertools.count()
+        self._noted = -math.inf
+        for number, law in enumerate(system.laws):
+            if law.element.period(law.values) is not None:
+                self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
 
     def __len__(self) -> int:
         return len(self._stops)
 
-    def note(self, lanes: Array, **what: Any) -> None:
-        """Note a stop at the instant ``lanes`` (lanes,)."""
+    def _note(self, time: Any, **what: Any) -> None:
+        """Note a stop at ``time``, a number or (lanes,)."""
+        lanes = np.zeros(self._system.lanes, dtype=complex if self._system.complex else float) + np.ravel(
+            np.asarray(time)
+        )
         stop = Stop(time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, **what)
         bisect.insort(self._stops, stop, key=_lateness)
+
+    def note_breaks(self, horizon: float) -> None:
+        """Note where the commands break up to ``horizon`` (s), each once."""
+        found = [t for t in self._driving.breaks(horizon) if t > self._noted]
+        for t in found:
+            self._note(t, generation=0)
+        self._noted = max([self._noted, *found])
+
+    def sample_again(self, number: int, now: float) -> None:
+        """Note when a law updates its output from the last sample that it has taken, and when it takes the next."""
+        law = self._system.laws[number]
+        period, latency, offset = (
+            np.ravel(np.asarray(of(law.values))) for of in (law.element.period, law.element.latency, law.element.offset)
+        )
+        pace = float(period[0].real)
+        count = math.floor((now - float(offset[0].real)) / pace + _TAKEN)
+        self._note(offset + period * (count + 1), law=number)
+        update = offset + period * count + latency
+        if np.any(latency != 0) and count >= 0 and float(update[0].real) > now + _TAKEN * pace:
+            self._note(update, law=number, updates=True)
+
+    def sample_anew(self, now: float) -> None:
+        """Note the samples of all laws from ``now`` on in place of those that are noted, the slowest law's first."""
+
+        def pace(number: int) -> float:
+            law = self._system.laws[number]
+            return float(np.ravel(np.asarray(law.element.period(law.values)))[0].real)
+
+        self._stops = [stop for stop in self._stops if stop.law is None]
+        for number in sorted(range(len(self._system.laws)), key=pace, reverse=True):
+            self.sample_again(number, now)
+
+    def echo(self, t: Array, generation: int, onward: Flags | None = None) -> None:
+        """Note that what changes at ``t`` (lanes,) comes back through every delay, or those that it goes ``onward`` into."""
+        if generation < SMOOTH:
+            delays = self._system.delays
+            for i in range(delays.shape[-1]) if onward is None else np.flatnonzero(onward).tolist():
+                self._note(t + delays[:, i], generation=generation + 1, delay=i)
+
+    def onward(self, due: Sequence[Stop]) -> Flags:
+        """Return into which delays goes on what is due, (m,)."""
+        ways = self._ways
+        found = np.zeros(self._system.delays.shape[-1], dtype=bool)
+        for stop in due:
+            if stop.law is not None:
+                found |= ways.from_laws[stop.law]
+            else:
+                found |= ways.from_commands if stop.delay is None else ways.from_delays[stop.delay]
+        return found
 
     def due(self, now: float, horizon: float) -> list[Stop]:
         """Take off what is due now: breakpoints, updates, samples, each in the order in which they were noted."""
@@ -71,10 +147,6 @@ class Agenda:
     def kink(self, horizon: float) -> float:
         """Return the next instant that is no sample, ``horizon`` at the latest."""
         return min(horizon, next((stop.time for stop in reversed(self._stops) if stop.law is None), horizon))
-
-    def clear_samples(self) -> None:
-        """Take off all samples and updates."""
-        self._stops = [stop for stop in self._stops if stop.law is None]
 
     def ahead(self, count: int) -> list[Stop]:
         """Return the next ``count`` stops, or all there are."""

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode
 from engine.exact.laws.straight import until
-from engine.exact.nonlinear.agenda import SMOOTH, Agenda, Stop
+from engine.exact.nonlinear.agenda import Agenda, Stop
 from engine.exact.nonlinear.bounds import Bounds
 from engine.exact.nonlinear.driving import Driving
 from engine.exact.nonlinear.guards import Crossing, first_crossing, touches
@@ -34,16 +34,15 @@ from engine.exact.nonlinear.pieces import Command, Record
 from engine.exact.nonlinear.steps import Step, Stepper
 from engine.exact.nonlinear.switching import StoppedError, Switchboard
 from engine.exact.nonlinear.undecided import Undecided
-from engine.exact.nonlinear.ways import Ways
+from engine.exact.nonlinear.widths import EARLY, Widths
 from engine.exact.nonlinear.windows import Chain
 from engine.exact.nonlinear.windows import solve as solve_chain
-from engine.exact.time.chebyshev import NODES, differentiation_matrix, tail
+from engine.exact.time.chebyshev import NODES, differentiation_matrix
 from engine.model.errors import EngineError
 from engine.model.failures import numerical
 from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.exact.laws.straight import Straight
     from engine.exact.laws.system import NonlinearSystem
     from engine.signals import Signal
 
@@ -54,16 +53,6 @@ TOLERANCE: Final = 1e-11
 """What the polynomial of a step may miss, relative to the largest value of each state so far."""
 
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
-_ALMOST_NOTHING, _PATIENCE = (
-    1e-3,
-    8,
-)  # what a step must miss of the tolerance to be doubled, and how many follow a refusal
-_LITTLE, _LONG = 0.1, 12  # what rounding may be all of: then a doubled step is tried after so many of one width
-_RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
-_EARLY = 1e-3
-_TAKEN = 1e-6  # a sample has been taken that is due within this part of its period
-_PUNCTUAL, _ROUNDED = 1e-12, 1e-14
-"""By how much the polynomial of a guard may move an event, in parts of the time simulated; what it misses by rounding alone."""
 
 
 class Integration:
@@ -109,19 +98,12 @@ class Integration:
         self._undecided = Undecided(system.value)
         self.smooth = not any(law.element.jumps(law.values) for law in system.laws)
         self.error = 0.0
-        self._agenda, self._ways = Agenda(), Ways(system)
-        self._first_scale = np.zeros(system.states)
-        self._width = math.inf
+        self._agenda = Agenda(system, self._driving)
+        self._widths = Widths(system, self._board, self._stepper, self._driving, self._bounds)
         self._chain, self._pause = _FEWEST, 0
-        self._refused = self._vague = 0
-        self._horizon = 0.0
-        self._noted = -math.inf
         self._left: Real | None = None
         self._torn = False  # whether signals jump here at other infinitesimals than where the record ends
         self._periods = Periods.of(system)
-        for number, law in enumerate(system.laws):
-            if law.element.period(law.values) is not None:
-                self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
 
     @property
     def now(self) -> float:
@@ -152,9 +134,9 @@ class Integration:
     def advance(self, horizon: float) -> Outcome:
         """Return the response up to ``horizon`` (s); may be called again with a later one."""
         verdict, advice = Verdict.OK, ""
-        self._horizon = max(self._horizon, horizon)
+        self._widths.horizon = max(self._widths.horizon, horizon)
         try:
-            self._note_breaks(horizon)
+            self._agenda.note_breaks(horizon)
             # what overflows is found at the end of each step, as a state that is not finite
             with np.errstate(all="ignore"), numerical("the response"):
                 self._advance(horizon)
@@ -177,7 +159,7 @@ class Integration:
         with contextlib.suppress(EngineError), numerical("the response"):
             y, z = self.system.read(at, self.system.channels(at)[1])
             nodes = [np.repeat(part, len(NODES), axis=1) for part in (y, at.u, z)]
-            self.record.append(self._board.t + 1e-12 * max(self._horizon, 1e-300), *nodes)
+            self.record.append(self._board.t + 1e-12 * max(self._widths.horizon, 1e-300), *nodes)
 
     def _advance(self, horizon: float) -> None:
         while True:
@@ -193,17 +175,6 @@ class Integration:
 
     # instants known beforehand
 
-    def _note_breaks(self, horizon: float) -> None:
-        """Note where the commands break up to ``horizon`` (s), each once."""
-        found = [t for t in self._driving.breaks(horizon) if t > self._noted]
-        for t in found:
-            self._note(t, generation=0)
-        self._noted = max([self._noted, *found])
-
-    def _note(self, time: Any, **what: Any) -> None:
-        """Note a stop at ``time``, a number or (lanes,)."""
-        self._agenda.note(np.broadcast_to(np.ravel(np.asarray(time)), (self.system.lanes,)) + 0 * self._board.t, **what)
-
     def _arrive(self, due: Sequence[Stop]) -> None:
         """Do what is due at this instant, and let the laws settle."""
         if not self._board.started:
@@ -215,60 +186,26 @@ class Integration:
             if stop.law is not None:
                 self._board.sample(stop.law, updates=stop.updates)
                 if not stop.updates:
-                    self._sample_again(stop.law)
+                    self._agenda.sample_again(stop.law, self.now)
             if meeting is not None:
                 meeting.happened(stop)
         self._board.switches = 0
         if self._driving.may_jump(self.now) or any(stop.law is not None for stop in due):
             self._board.settle()
         if meeting is not None:
-            self._torn = not meeting.end(stays=self.now >= self._horizon * (1 - 1e-14))
+            self._torn = not meeting.end(stays=self.now >= self._widths.horizon * (1 - 1e-14))
             self.smooth = self.smooth and meeting.smooth
         generation = min((stop.generation if stop.law is None else 0 for stop in due), default=0)
         jumps = self._board.switches > 0 or self.record.jumps(self._board.t, self.system.delays)
-        self._echo(
-            0 if jumps else generation, self._onward(due) if self.record.y and not self._board.switches else None
-        )
-
-    def _sample_again(self, number: int) -> None:
-        """Note when a law updates its output from the last sample that it has taken, and when it takes the next."""
-        law = self.system.laws[number]
-        period = np.ravel(np.asarray(law.element.period(law.values)))
-        latency = np.ravel(np.asarray(law.element.latency(law.values)))
-        offset = np.ravel(np.asarray(law.element.offset(law.values)))
-        count = math.floor((self.now - float(offset[0].real)) / float(period[0].real) + _TAKEN)
-        self._note(offset + period * (count + 1), law=number)
-        update = offset + period * count + latency
-        if np.any(latency != 0) and count >= 0 and float(update[0].real) > self.now + _TAKEN * float(period[0].real):
-            self._note(update, law=number, updates=True)
-
-    def _pace(self, number: int) -> float:
-        law = self.system.laws[number]
-        return float(np.ravel(np.asarray(law.element.period(law.values)))[0].real)
-
-    def _onward(self, due: Sequence[Stop]) -> npt.NDArray[np.bool_]:
-        """Return into which delays goes on what is due, (m,)."""
-        ways = self._ways
-        found = np.zeros(self.system.delays.shape[-1], dtype=bool)
-        for stop in due:
-            if stop.law is not None:
-                found |= ways.from_laws[stop.law]
-            else:
-                found |= ways.from_commands if stop.delay is None else ways.from_delays[stop.delay]
-        return found
-
-    def _echo(self, generation: int, onward: npt.NDArray[np.bool_] | None = None) -> None:
-        """Note that what changes now comes back through every delay, or those that it goes ``onward`` into."""
-        if generation < SMOOTH:
-            for i in range(self.system.delays.shape[-1]) if onward is None else np.flatnonzero(onward).tolist():
-                self._note(self._board.t + self.system.delays[:, i], generation=generation + 1, delay=i)
+        onward = self._agenda.onward(due) if self.record.y and not self._board.switches else None
+        self._agenda.echo(self._board.t, 0 if jumps else generation, onward)
 
     def _around(self, t: Array) -> tuple[Array, Array, Array]:
         """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
         # what is due now has been taken from the list
         following = self._agenda.following()
-        ahead = min(self._width, 1.0, math.inf if following is None else following.time - self.now)
-        ahead = ahead if ahead > 0 else min(self._width, 1.0)
+        ahead = min(self._widths.next, 1.0, math.inf if following is None else following.time - self.now)
+        ahead = ahead if ahead > 0 else min(self._widths.next, 1.0)
         return self._driving.around(t, self.now, ahead)
 
     def _command(self, width: float) -> Command:
@@ -280,30 +217,21 @@ class Integration:
         """Go on to ``target``, or as far as accuracy or an event allow."""
         self.smooth, self._torn = self.smooth and not self._torn, False
         gap = target - self.now
-        width = min(self._width, gap)
-        if not math.isfinite(self._width):
-            width = min(width, self._first_width())
-        if 0.5 * gap < width < gap:
-            width = 0.5 * gap if width < 0.99 * gap else gap
+        width = self._widths.within(gap)
         if width == gap and self._many():
             return
-        step, width = self._solved(width, gap)
-        whole = width >= gap
-        grown = width * self._growth(step)
-        # a step cut short by a stop says nothing about those after it, unless it was hard all the same
-        self._width = max(self._width, grown) if whole and grown > width and self._width < math.inf else grown
+        step, width = self._widths.solved(width, gap)
         tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
         crossing = first_crossing(step.guards, tolerances)
         if crossing is not None and crossing.theta * width <= gap:
-            event = self._placed(step, crossing)
+            event = self._widths.placed(step, crossing)
             if event is not None:
-                self._vague = 0
-                self._note_guards(step, until(event.theta) if event.theta <= _EARLY else None)
+                self._note_guards(step, until(event.theta) if event.theta <= EARLY else None)
                 self._event(step, event)
             return
         self._note_guards(step)
-        self._undecided.look(step, self._board.modes, width=min(width, gap), now=self.now, horizon=self._horizon)
-        if whole:
+        self._undecided.look(step, self._board.modes, width=min(width, gap), now=self.now, horizon=self._widths.horizon)
+        if width >= gap:
             part = step if width == gap else self._stepper.cut(step, gap / width, self._command(gap))
             self._accept(part, target, lanes)
         else:
@@ -314,98 +242,13 @@ class Integration:
         for number, guard, values in step.guards:
             self._board.note(number, guard, values if part is None else part @ values)
 
-    def _placed(self, step: Step, event: Crossing) -> Crossing | None:
-        """Return an event of a step; None where a shorter one has to follow.
-
-        That is where the step went so far beyond that its rounding is seen there, and where its polynomials do not tell the time of the
-        event. An event that comes sooner than steps can be short happens at once.
-        """
-        if self._vague < _PATIENCE and not self._punctual(step, event):
-            self._vague += 1
-            self._width = step.width * min(0.5, 1.5 * max(event.theta, _EARLY))
-            self._stepper.forget()
-            return None
-        if event.theta > _EARLY or not self._stepper.blown(step, event.theta):
-            return event
-        width = 1.5 * event.theta * step.width
-        if width <= _RESOLVED * max(self._horizon, self.now):
-            return Crossing(index=event.index, theta=0.0)
-        self._width = width
-        self._stepper.forget()
-        return None
-
-    def _punctual(self, step: Step, event: Crossing) -> bool:
-        """Return whether what the polynomial of a guard misses moves the event by no more than its time may be wrong."""
-        values = step.guards[event.index][2]
-        missed = float(tail(values))
-        if missed <= _ROUNDED * float(np.abs(values).max()):
-            return True
-        return missed <= _PUNCTUAL * max(self._horizon, self.now) * abs(step.slope_of(event.index, event.theta))
-
-    def _growth(self, step: Step) -> float:
-        """Return by how much the next step may be longer."""
-        if step.straight is None:
-            return min(4.0, max(0.3, float(0.85 * max(step.miss, 1e-12) ** (-1 / self._stepper.order))))
-        # widths are powers of two, and what is missed may be no more than rounding: try, but not after each refusal
-        self._refused -= 1
-        if (step.miss <= _ALMOST_NOTHING and self._refused < 0) or (step.miss <= _LITTLE and self._refused < -_LONG):
-            self._refused = 0
-            return 2.0
-        return 1.0
-
-    def _solved(self, width: float, gap: float) -> tuple[Step, float]:
-        """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good."""
-        straight, cause = self._straight(), ""
-        longest = self._width
-        while True:
-            if width < 1e-14 * max(self._horizon, self.now):
-                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale, cause or self._without_value())
-            self._bounds.step(self.now)
-            step: Step | None = None
-            if straight is not None:
-                width = _binary(width, longest)
-            try:
-                with numerical("a step"):
-                    step = self._attempt(width, gap, straight)
-                cause = f"{step.singular} leaps or goes to infinity" if step is not None and step.singular else ""
-            except EngineError as error:  # where a shorter one may stay away from
-                cause = error.message
-            if step is not None and step.miss <= 1.0:
-                return step, width
-            width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / self._stepper.order)))
-            longest = width
-            self._refused = _PATIENCE
-            self._stepper.forget()
-
-    def _without_value(self) -> str:
-        """Name the law that gives no number here, though it is given some."""
-        flow = self.system.value.flow(self._board.instant().real)
-        for law in self.system.value.laws:
-            given, found = flow.e[..., law.inputs], (flow.v[..., law.outputs], flow.f[..., law.states])
-            if np.isfinite(given).all() and not all(np.isfinite(part).all() for part in found):
-                return f"{law.label} has no value (a root or logarithm of a negative number, or a division by 0)"
-        return ""
-
-    def _attempt(self, width: float, gap: float, straight: Straight | None) -> Step | None:
-        start, modes = self._board.x[0].real, self._board.modes
-        if straight is None:
-            return self._stepper.attempt(start, self._command(width), modes)
-        return self._stepper.leap(start, self._command(gap).extended(width), modes, straight)
-
-    def _straight(self) -> Straight | None:
-        """Return the system as linear maps where it is one now, and nothing but straight lines drives it."""
-        if not self._driving.straight or self.system.delays.shape[-1] or not self.system.states:
-            return None
-        found = self.system.value.straight(self._board.modes)
-        return found if found is not None and found.map.solved else None
-
     def _many(self) -> bool:
         """Take the steps between many kinks of the commands at once; return whether that has led on."""
         if self.system.delays.shape[-1] or len(self._agenda) < self._chain or not self.system.states:
             return False
         self._pause -= 1
         ahead = self._agenda.ahead(self._chain)
-        inside = ahead[-1].time < self._horizon and all(stop.law is None for stop in ahead)
+        inside = ahead[-1].time < self._widths.horizon and all(stop.law is None for stop in ahead)
         if not inside or self._pause > 0 or np.any(self._board.t.imag):
             return False
         times = np.array([self.now, *(stop.time for stop in ahead)])
@@ -452,24 +295,12 @@ class Integration:
         if chain is None:
             return False
         self._take(chain)
-        self._agenda.clear_samples()
-        for number in sorted(range(len(self.system.laws)), key=self._pace, reverse=True):
-            self._sample_again(number)
+        self._agenda.sample_anew(self.now)
         return True
-
-    def _first_width(self) -> float:
-        """Return a first step from the fastest mode at this instant."""
-        if not self.system.states:
-            return math.inf
-        slope = self.system.tangent(self._board.instant().real).fx[0]
-        fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
-        return 4.0 / fastest if fastest > 0 else math.inf
 
     def _accept(self, step: Step, end: float, lanes: Array | None, event: tuple[Step, Crossing] | None = None) -> None:
         """Append a step to the record and move to its end; ``event`` is what ends it, on the step that it is a part of."""
         self._stepper.accept(step, whole=event is None)
-        if not self._first_scale.any():
-            self._first_scale = self._stepper.scale
         self.error = max(self.error, step.error)
         board = self._board
         nodes = step.nodes
@@ -515,7 +346,7 @@ class Integration:
         self.error = max(self.error, step.error)  # the part before the event is no better than the whole
         width = step.width * crossing.theta
         slope = None
-        if width > 1e-13 * max(self.now, 1e-3 * self._horizon):
+        if width > 1e-13 * max(self.now, 1e-3 * self._widths.horizon):
             part = self._stepper.cut(step, crossing.theta, self._command(width))
             self._accept(part, self.now + width, None, event=(step, crossing))
             self._board.switches = 0
@@ -523,13 +354,7 @@ class Integration:
             slope = np.broadcast_to(step.nodes.slope[:, :1], (self.system.lanes, 1, step.nodes.slope.shape[-1]))
             self._stepper.forget()
         self._left = None
-        self._bounds.event(self.now, self._horizon, self.system.laws[number].label)
+        self._bounds.event(self.now, self._widths.horizon, self.system.laws[number].label)
         self._board.switch(number, guard, slope)
-        self._echo(0)
+        self._agenda.echo(self._board.t, 0)
         self._board.settle()
-
-
-def _binary(width: float, limit: float) -> float:
-    """Return the next larger power of two, or the one below where that is beyond ``limit``: few widths, met again."""
-    above = 2.0 ** math.ceil(math.log2(width))
-    return above if above <= limit else 0.5 * above
