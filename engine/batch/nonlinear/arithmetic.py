@@ -114,8 +114,3 @@ class Formulas:
         for row, node in enumerate(self._targets):
             result[row] = found[node]
         return result
-
-
-def evaluated(graph: Graph, wanted: Sequence[Any], parameters: Any) -> Real:
-    """Return numbers of a graph once; see :class:`Formulas`."""
-    return Formulas(graph, wanted)(parameters)

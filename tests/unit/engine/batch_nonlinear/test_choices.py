@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.arithmetic import Formulas
 from engine.batch.nonlinear.choices import Case, beyond, joined, selected
 from engine.batch.nonlinear.signals import SignalGraph
 from engine.model.traced import Op, Traced
@@ -38,7 +38,7 @@ def test_what_two_formulas_have_in_common_is_computed_once(graph):
     assert operations(graph, found) == 7  # x y, exp, 3 exp, -y, the choice, tanh, the sum
     a, b, decider = SIZES
     expected = 3.0 * np.exp(a * b) + np.tanh(np.where(decider > 0, -b, b))
-    np.testing.assert_array_equal(evaluated(graph, [found], SIZES)[0], expected)
+    np.testing.assert_array_equal(Formulas(graph, [found])(SIZES)[0], expected)
 
 
 def test_formulas_that_have_nothing_in_common_are_chosen_as_they_are(graph):
@@ -47,7 +47,7 @@ def test_formulas_that_have_nothing_in_common_are_chosen_as_they_are(graph):
     assert operations(graph, found) == 3
     a, b, decider = SIZES
     with np.errstate(all="ignore"):
-        np.testing.assert_array_equal(evaluated(graph, [found], SIZES)[0], np.where(decider > 0, np.exp(a), b / a))
+        np.testing.assert_array_equal(Formulas(graph, [found])(SIZES)[0], np.where(decider > 0, np.exp(a), b / a))
 
 
 def test_four_cases_told_apart_by_two_signs_need_one_choice_for_each(graph):
@@ -60,7 +60,7 @@ def test_four_cases_told_apart_by_two_signs_need_one_choice_for_each(graph):
     ]
     found = selected(graph, cases)
     assert operations(graph, found) == 6  # two signs, two choices, two products
-    np.testing.assert_allclose(evaluated(graph, [found], SIZES[:2])[0], np.abs(SIZES[0]) * SIZES[1] * np.abs(SIZES[1]))
+    np.testing.assert_allclose(Formulas(graph, [found])(SIZES[:2])[0], np.abs(SIZES[0]) * SIZES[1] * np.abs(SIZES[1]))
     assert beyond(graph, cases) is None  # one of them is always true
 
 
@@ -70,8 +70,8 @@ def test_zones_follow_each_other(graph):
         Case(guards=[x - 1.0, -1.0 - x], says=x), Case(guards=[1.0 - x], says=1.0), Case(guards=[x + 1.0], says=-1.0),
     ]  # fmt: skip
     sizes = np.array([[-3.0, -1.5, -0.5, 0.5, 1.5]])
-    np.testing.assert_array_equal(evaluated(graph, [selected(graph, cases)], sizes)[0], np.clip(sizes[0], -1.0, 1.0))
-    gap = evaluated(graph, [beyond(graph, cases[:2])], sizes)[0]
+    np.testing.assert_array_equal(Formulas(graph, [selected(graph, cases)])(sizes)[0], np.clip(sizes[0], -1.0, 1.0))
+    gap = Formulas(graph, [beyond(graph, cases[:2])])(sizes)[0]
     assert (gap > 0).tolist() == [True, True, False, False, False]
 
 
@@ -99,5 +99,5 @@ def test_random_formulas_keep_their_values(graph, seed):
 
     positive, otherwise = formula(4), formula(4)
     found = joined(graph, signals[2], positive, otherwise)
-    yes, no = evaluated(graph, [positive, otherwise], SIZES)
-    np.testing.assert_allclose(evaluated(graph, [found], SIZES)[0], np.where(SIZES[2] > 0, yes, no), rtol=1e-12)
+    yes, no = Formulas(graph, [positive, otherwise])(SIZES)
+    np.testing.assert_allclose(Formulas(graph, [found])(SIZES)[0], np.where(SIZES[2] > 0, yes, no), rtol=1e-12)

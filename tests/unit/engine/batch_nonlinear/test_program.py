@@ -13,7 +13,7 @@ from engine.batch.kernels.compiled import LANES, compiled
 from engine.batch.kernels.functions import exp, tanh
 from engine.batch.kernels.marching import interpret
 from engine.batch.kernels.vector import load, store
-from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.arithmetic import Formulas
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.march import Marcher, Pieces, by_input
 from engine.batch.nonlinear.program import Compiled
@@ -45,7 +45,7 @@ def test_both_tapes_are_the_formulas(loop):
     parameters[: points.shape[1]] = points.T
     for signal, values in zip(signals, [*x, *u], strict=True):
         parameters[equations.graph.nodes[signal.node][1]] = values
-    expected = evaluated(
+    expected = Formulas(
         equations.graph,
         [
             *equations.rates,
@@ -54,8 +54,7 @@ def test_both_tapes_are_the_formulas(loop):
             equations.outputs[1],
             equations.output_slopes[1],
         ],
-        parameters,
-    )
+    )(parameters)
     for tape, count in ((program.whole, len(expected)), (program.rates_only, program.states)):
         registers = np.full((program.registers, 1, LANES), np.nan)
         registers[: program.states, 0], registers[program.states : program.first_once, 0] = x, u
@@ -156,10 +155,10 @@ def test_slopes_are_derivatives():
     found = slopes(graph, formulas, {x.node: dx, y.node: dy})
     rate = (0.7, -1.3)
     for at in ((0.2, 0.8), (0.9, 0.4)):
-        values = evaluated(graph, found, np.array([*at, *rate]))
+        values = Formulas(graph, found)(np.array([*at, *rate]))
         step = 1e-6
         ahead, behind = (
-            evaluated(graph, formulas, np.array([at[0] + s * rate[0], at[1] + s * rate[1], 0.0, 0.0]))
+            Formulas(graph, formulas)(np.array([at[0] + s * rate[0], at[1] + s * rate[1], 0.0, 0.0]))
             for s in (step, -step)
         )
         np.testing.assert_allclose(values, (ahead - behind) / (2 * step), rtol=1e-8)

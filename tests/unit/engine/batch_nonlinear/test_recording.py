@@ -9,7 +9,7 @@ import pytest
 
 import engine.elements
 from engine.analysis.measuring import MetricRequest, measure
-from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.arithmetic import Formulas
 from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.signals import SignalGraph
@@ -82,7 +82,7 @@ def test_a_recorded_law_is_the_law_in_the_mode_that_its_guards_choose(kind):
     for signal, values in zip([*equations.states, *equations.inputs], [*x, *z], strict=True):
         parameters[graph.nodes[signal.node][1]] = values
     with np.errstate(all="ignore"):
-        found = evaluated(graph, wanted, parameters)
+        found = Formulas(graph, wanted)(parameters)
     compared = 0
     for k in range(200):
         moment = Moment(

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from engine.analysis.measuring import MetricRequest, measure
-from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.arithmetic import Formulas
 from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.march import Marched, Marcher, Pieces, by_input
@@ -52,7 +52,7 @@ def test_what_ends_a_mode_and_what_follows_is_what_the_law_says(case):
         own = dict(changes.switched.pairs)
         after = [own.get(signal, signal) for signal in (*changes.modes, *equations.states)]
         with np.errstate(all="ignore"):
-            found = evaluated(graph, [*changes.switched.guards, *after], parameters)
+            found = Formulas(graph, [*changes.switched.guards, *after])(parameters)
         for k in range(60):
             at = Moment(
                 t=np.zeros((1, 1)), x=[np.full((1, 1), v) for v in x[:, k]], z=[np.full((1, 1), v) for v in z[:, k]],
