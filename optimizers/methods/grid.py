@@ -32,6 +32,12 @@ _SECOND_LOOK = 1000
 _MOST_KEPT = 100_000
 """Points whose first look is kept, 3 MB: a run that is cut off later goes on from these."""
 
+_WHOLE = "the best point of the grid; between its points there may be better ones (refine, or gradient)."
+_DIVIDED = (
+    "the best point of the grid and of the cells that were divided; beyond them, and along limits that depend on several "
+    "variables, there may be better ones (gradient finds those near it)."
+)
+
 Flags = np.ndarray[tuple[int], np.dtype[np.bool_]]
 Indices = np.ndarray[tuple[int], np.dtype[np.intp]]
 
@@ -78,10 +84,7 @@ class Grid(Method):
         design = _grid(problem, options) if options["sampling"] == "full" else _sample(problem, options, rng)
         scores, rounds = _Scores.none(len(design)), int(options["refine"])
         tracker = Tracker(Evaluator(problem), monitor, budget=10**9)
-        status, advice = (
-            Status.CONVERGED,
-            "the best point of the grid; between its points there may be better ones (refine, or gradient).",
-        )
+        status, advice = Status.CONVERGED, _DIVIDED if rounds else _WHOLE
         try:
             kept = kept_by(monitor, self.kind)
             if kept is not None:
@@ -257,19 +260,20 @@ def _refine(tracker: Tracker, design: Design, order: Indices, rounds: int, cells
         else [len(design) ** (-1.0 / len(axes))] * len(axes)
     )  # fmt: skip
     per_axis = max(3, int(_MOST_IN_CELL ** (1.0 / len(axes))))
-    counts = [min(n, per_axis) for n in design.shape] if isinstance(design, Combinations) else [per_axis] * len(axes)
+    counts = np.clip(design.shape if isinstance(design, Combinations) else per_axis, 3, per_axis)
     centres = _apart(design, order, 1.5 * first, cells)
     for number, start in enumerate(centres):
         centre, width = start, first
         for turn in range(rounds):
+            reach = np.where(counts > 3, width, width / 2)  # three values over both cells are those that there were
             finer = Combinations(
-                [around(axis, x, w, max(n, 3)) for axis, x, w, n in zip(axes, centre, width, counts, strict=True)]
+                [around(axis, x, w, n) for axis, x, w, n in zip(axes, centre, reach, counts.tolist(), strict=True)]
             )
             scores, done = _Scores.none(len(finer)), (number + turn / rounds) / len(centres)
             _evaluate(tracker, finer, scores, (0.9 * (1 + rounds * done) / (1 + rounds), 0.0))
             best = int(scores.order()[0])
             centre = finer.rows(best, best + 1)[0]
-            width = 2 * width / (np.maximum(counts, 3) - 1)
+            width = 2 * reach / (counts - 1)
 
 
 def _apart(design: Design, order: Indices, width: Vector, count: int) -> list[Vector]:

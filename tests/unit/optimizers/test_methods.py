@@ -177,6 +177,15 @@ def test_a_refined_grid_approaches_the_gradient() -> None:
     assert 0 <= fine.best["z"] - BEST_DAMPING < 1e-3
 
 
+@pytest.mark.parametrize("points", [2, 3, 4])
+def test_a_grid_of_few_points_is_refined(points) -> None:
+    coarse = minimize("grid", problem(), {"points": points})
+    fine = minimize("grid", problem(), {"points": points, "refine": 8})
+    assert coarse.best["z"] - BEST_DAMPING > 0.01
+    assert 0 <= fine.best["z"] - BEST_DAMPING < 0.01
+    assert "cells that were divided" in fine.advice
+
+
 @pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
 def test_a_sample_has_the_number_of_points_asked_for(sampling) -> None:
     result = minimize("grid", problem(variables=("z", "w")), {"sampling": sampling, "samples": 20, "seed": 3})
