@@ -331,6 +331,33 @@ def test_what_is_edited_while_it_is_being_saved_stays(page: Page, system, client
     assert (saved["revision"], saved["document"]["parameters"]["k"]["value"]) == (3, 4)
 
 
+def test_a_save_that_is_put_off_or_whose_answer_is_lost_comes_through(page: Page, system, client) -> None:
+    opened(page, system)
+    enter(page, "k", "3")
+    asked: list[int] = []
+
+    def answer(route: Route) -> None:
+        if route.request.method != "PUT":
+            return route.fallback()
+        asked.append(1)
+        if len(asked) == 1:
+            return route.fulfill(status=429, json={"status": 429, "title": "later", "detail": "too much waits"})
+        if len(asked) == 2:
+            assert route.fetch().status == 200
+            return route.abort()
+        return route.continue_()
+
+    page.route("**/v1/systems/*", answer)
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_test_id("waiting")).to_be_visible()
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    expect(page.get_by_test_id("waiting")).to_have_count(0)
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.unroute_all()
+    saved = client.get(f"/v1/systems/{system}").json()
+    assert (saved["revision"], saved["document"]["parameters"]["k"]["value"], len(asked)) == (2, 3, 3)
+
+
 def test_edits_outlive_a_restart_of_the_service_and_of_the_page(page: Page, system, service, client) -> None:
     opened(page, system)
     service.stop()

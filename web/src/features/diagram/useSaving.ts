@@ -8,9 +8,9 @@ import { dropDraft, keepDraft, keepPicture } from "./kept";
 import { same } from "./merge";
 import { useEditor } from "./store";
 
-/** A service that does not answer: what is edited stays, and is saved when it comes back. */
+/** A service that does not answer, or has no time: what is edited stays, and is saved when it comes back. */
 const AGAIN = 2000;
-const away = (error: unknown) => isProblem(error) && (error.status === 0 || error.status >= 502);
+const away = (error: unknown) => isProblem(error) && (error.status === 0 || error.status === 429 || error.status >= 502);
 
 /** Saving, and all that may come between: somebody was faster, the service is away, the page is closed. */
 export function useSaving(id: string) {
@@ -34,9 +34,11 @@ export function useSaving(id: string) {
   const meet = useCallback(
     async (mine: SystemDocument) => {
       const theirs = await queries.fetchQuery({ ...systemQuery(id), staleTime: 0 });
+      // What was saved although its answer was lost on the way is no conflict.
+      if (same(theirs.document, mine)) return saved(mine, theirs.etag);
       setConflict({ base: useEditor.getState().base, mine, theirs: theirs.document, etag: theirs.etag });
     },
-    [id, queries],
+    [id, queries, saved],
   );
   const save = useCallback(
     async (next: SystemDocument, tag: string) => {

@@ -44,8 +44,17 @@ export async function createSystem(document: SystemDocument): Promise<string> {
 }
 
 /** Appends a revision to the one that `etag` names, with the job whose values it takes; 412 when somebody else was faster. */
+/** How long an answer to what is saved is waited for, ms: a connection may be lost without a word. */
+const PATIENCE = 30_000;
+
 export async function saveSystem(id: string, document: SystemDocument, etag: string, derivedFrom?: string) {
-  return mustWithTag(api.PUT("/v1/systems/{identifier}", { params: { path: { identifier: id }, query: { derived_from: derivedFrom }, header: { "If-Match": etag } }, body: document as unknown as WireSystem }));
+  return mustWithTag(
+    api.PUT("/v1/systems/{identifier}", {
+      params: { path: { identifier: id }, query: { derived_from: derivedFrom }, header: { "If-Match": etag } },
+      body: document as unknown as WireSystem,
+      signal: AbortSignal.timeout(PATIENCE),
+    }),
+  );
 }
 
 export async function deleteSystem(id: string, revision: number): Promise<void> {
