@@ -96,8 +96,12 @@ class Laws:
                 except EngineError:  # a loop through nonlinear blocks has no solution for this member
                     members.append(None)
             own = [
-                joined([None if member is None else member[place] for member in members], like=realizations[number])
-                for place, number in enumerate(self._channels.numbers)
+                joined(
+                    [None if member is None else member[place] for member in members],
+                    like=realizations[number],
+                    law=law,
+                )
+                for place, (number, law) in enumerate(zip(self._channels.numbers, system.laws, strict=True))
             ]
             exist = np.array([member is not None for member in members], dtype=bool)
             known = self._remember(key, _Linearized(own=own, exist=exist))

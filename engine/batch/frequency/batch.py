@@ -94,6 +94,8 @@ class FrequencyBatch:
         return _Between.of(stack, *ends, sign=1.0)
 
     def _is_measured(self, request: MetricRequest) -> bool:
+        if self._diagram.sampled:  # what stands for samplers here is continuous: margins and poles of another system
+            return False
         if request.opened_besides or not request.as_told(self._diagram):
             return False
         if request.metric in LOOP_METRICS or request.metric in PATH_METRICS:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from engine.elements import Realization
-from engine.elements._nonlinear import linearized
+from engine.elements._nonlinear import Moment, linearized
 from engine.exact.nonlinear.operating_point import OperatingPoint, operating_point
 
 if TYPE_CHECKING:
+    from engine.exact.laws.laws import Law
     from engine.exact.laws.system import NonlinearSystem
 
 
@@ -33,14 +34,18 @@ def small_signal(system: NonlinearSystem, point: OperatingPoint | None = None) -
     ]
 
 
-def joined(members: Sequence[Realization | None], *, like: Realization) -> Realization:
+def joined(members: Sequence[Realization | None], *, like: Realization, law: Law) -> Realization:
     """Return one realisation with a batch axis; a member that does not exist (None) is 0.
 
-    ``like`` has the shapes: it may have a batch axis itself.
+    ``like`` has the shapes where there is no member: it may have a batch axis itself. ``law`` has the values of all members.
     """
     first = next((member for member in members if member is not None), None)
     if first is None:
         return like
+    if any(member is not None and member.a.shape[-1] != first.a.shape[-1] for member in members):
+        # Of some members a state falls away (ki = 0): a law that has them tells its slopes without being asked where.
+        nowhere = Moment(t=np.zeros((len(members), 1)), x=[], z=[])
+        return linearized(law.element, nowhere, 0, law.values)
     arrays: dict[str, Any] = {}
     for entry in fields(Realization):
         if entry.name == "reading":  # a law is linearised into its matrices alone
