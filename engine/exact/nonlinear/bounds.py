@@ -21,6 +21,9 @@ MAX_STEPS: Final = 200_000
 CROWDS: Final = ((100, 1e-6), (1000, 2e-3))
 """So many events within this part of the time simulated are an accumulation: at this pace no simulation comes to its end."""
 
+HASTE: Final = (3000, 2e-2, 0.9)
+"""So many events within this part of the time, the later half in less than this part of the time of the earlier one, accumulate, too."""
+
 LARGEST: Final = 1e100
 """Beyond this a growing response is not followed."""
 
@@ -55,7 +58,7 @@ class Bounds:
     def __init__(self, clock: Callable[[], float] | None, limit: float) -> None:
         self._clock, self._limit = clock, limit
         self._began = clock() if clock is not None else 0.0
-        self._recent: deque[float] = deque(maxlen=CROWDS[-1][0])
+        self._recent: deque[float] = deque(maxlen=HASTE[0])
         self.steps = self.events = 0
 
     def step(self, now: float, count: int = 1) -> None:
@@ -71,12 +74,23 @@ class Bounds:
         """Count an event of the law ``label`` in a simulation up to ``horizon`` (s)."""
         self.events += 1
         self._recent.append(now)
-        if any(len(self._recent) >= count and now - self._recent[-count] <= part * horizon for count, part in CROWDS):
+        crowded = any(
+            len(self._recent) >= count and now - self._recent[-count] <= part * horizon for count, part in CROWDS
+        )
+        if crowded or self._hastens(horizon):
             raise StoppedError(
                 Verdict.DOUBTFUL,
                 f"events of {label} accumulate at t = {now:.6g} s: "
                 "the model switches without end (give it hysteresis, a lag or more damping)",
             )
+
+    def _hastens(self, horizon: float) -> bool:
+        """Return whether many events follow each other ever faster."""
+        recent, (count, part, shorter) = self._recent, HASTE
+        if len(recent) < count or recent[-1] - recent[0] > part * horizon:
+            return False
+        middle = recent[count // 2]
+        return recent[-1] - middle < shorter * (middle - recent[0])
 
     def state(self, now: float, last: Array) -> None:
         """Look at the state (lanes, n) at the end of a step."""

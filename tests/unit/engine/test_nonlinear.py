@@ -368,6 +368,19 @@ def test_events_that_accumulate_end_with_a_verdict():
     assert any("accumulate" in remark.detail or "chattering" in remark.detail for remark in found.warnings)
 
 
+def test_events_that_follow_each_other_ever_faster_are_told_as_such():
+    """y = 0.95 is an edge of the quantizer behind which it pushes back: the loop rests there by switching ever faster."""
+    made = diagram(
+        {"e": block("sum", signs="+-"), "g": block("gain", gain=4.0), "q": block("quantizer", step=0.1),
+         "p": block("transfer_function", numerator=[1.0], denominator=[0.05, 1.0, 0.0])},
+        ["r -> e.in1", "q -> e.in2", "e -> g", "g -> p", "p -> q"],
+        {"y": "p"},
+    )  # fmt: skip
+    found = run(made, 5.0, amplitude=0.97)
+    assert found.verdict is Verdict.DOUBTFUL
+    assert any("events of q accumulate" in remark.detail for remark in found.warnings)
+
+
 def test_a_response_that_grows_without_bound_is_unstable():
     made = diagram(
         {"p": block("multiplication", operations="**"), "n": block("sum", signs="++"), "x": block("integrator")},
