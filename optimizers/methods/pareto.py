@@ -61,6 +61,15 @@ class Pareto(Method):
         MAX_SECONDS,
     )  # fmt: skip
 
+    @classmethod
+    def check(cls, problem: Problem, options: Mapping[str, Any]) -> None:  # noqa: ARG003 - of the base class
+        """Refuse fewer than two objectives."""
+        if len(problem.objectives) < 2:
+            raise ProblemError(
+                f"goals must be at least two with a sense for the method pareto, got {len(problem.objectives)}",
+                at=("goals",),
+            )
+
     def minimize(
         self, problem: Problem, options: Mapping[str, Any], *, rng: np.random.Generator, monitor: Monitor
     ) -> Result:
@@ -76,11 +85,7 @@ class Pareto(Method):
                 "pymoo must be installed for the method pareto (pip install 'servotune-server[pareto]'), got no such package",
                 at=("method", "kind"),
             )
-        if len(problem.objectives) < 2:
-            raise ProblemError(
-                f"goals must be at least two with a sense for the method pareto, got {len(problem.objectives)}",
-                at=("goals",),
-            )
+        self.check(problem, options)
         budget = int(options["max_evaluations"])
         tracker = Tracker(Evaluator(problem), monitor, budget)
         candidates = Candidates(problem)

@@ -169,6 +169,7 @@ FAST, CALM = REQUEST["goals"]
             ),
             "/goals/1/metric", "settles at a constant",
         ),
+        (bad(method={"kind": "pareto"}), "/goals", "at least two with a sense"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_at_its_place(client, body, pointer, detail) -> None:
