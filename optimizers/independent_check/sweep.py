@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
+
+from optimizers.independent_check.passage import passage
 
 if TYPE_CHECKING:
     from engine.model.linear_system import LinearSystem
@@ -141,7 +143,7 @@ class Sweep:
         order = np.argsort(w, kind="stable")
         w, values = w[order], values[order]
         changes = np.flatnonzero((values[1:] < 0) != (values[:-1] < 0))
-        return [float(brentq(at, w[k], w[k + 1], xtol=1e-14 * w[k], rtol=1e-14)) for k in changes]
+        return [passage(at, float(w[k]), float(w[k + 1]), xtol=1e-14 * w[k], rtol=1e-14) for k in changes]
 
     def _turns(self, values: Real, at: Callable[[float], float]) -> list[float]:
         """Return where a quantity with these values on the grid comes nearest to 0 between points, if it may pass it twice there."""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.optimize import brentq
 
 from optimizers.independent_check.march import NODES, TO_SERIES, March
+from optimizers.independent_check.passage import passage
 
 if TYPE_CHECKING:
     from engine.model.masks import Envelope, Polyline
@@ -106,7 +107,7 @@ class Trace:
             series[0] -= level
             for j in np.flatnonzero(changes[k]):
                 ends = 2 * _LOOKS[j] - 1, 2 * _LOOKS[j + 1] - 1
-                root = brentq(lambda x, s=series: chebyshev.chebval(x, s), *ends, xtol=1e-15)
+                root = passage(partial(chebyshev.chebval, c=series), *ends, xtol=1e-15)
                 found.append(float(self.starts[k] + self.widths[k] * (root + 1) / 2))
         return found
 

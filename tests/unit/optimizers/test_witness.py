@@ -16,6 +16,7 @@ from engine.model.verdicts import Measured
 from engine.signals import make
 from optimizers.evaluation.certificate import certificate_of, certify
 from optimizers.independent_check import witnessed
+from optimizers.independent_check.passage import passage
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from tests.unit.engine.diagrams import block, document
 from tests.unit.optimizers.oscillator import STEP, oscillator
@@ -289,3 +290,9 @@ def test_a_swing_between_samples_is_refused() -> None:
     refused = certificate_of(problem, [[Measured(value=float(y.max() - 1), unit="1")]], second)
     assert not refused.valid
     assert refused.worst_violation == pytest.approx(PEAK / 0.16 - 1, rel=1e-10)
+
+
+def test_a_place_that_rounding_puts_on_the_other_side_is_an_end() -> None:
+    assert passage(lambda x: x - 0.3, 0.0, 1.0, xtol=1e-15) == pytest.approx(0.3, abs=1e-15)
+    assert passage(lambda x: x + 1e-20, 0.0, 1.0) == 0.0
+    assert passage(lambda x: x - 2.0 - 1e-20, 1.0, 2.0) == 2.0
