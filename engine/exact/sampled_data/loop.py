@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.exact.sampled_data.aliases import marked, turns
 from engine.exact.sampled_data.build import sampled_system
@@ -67,7 +68,22 @@ class SampledLoop:
 
     def _later(self, laws: NonlinearSystem, rho: Array) -> Period:
         none = float(rho[0].real) < _NO_DELAY * float(self.period.length[0].real)
-        return Period(self.part if none and laws is self._laws else _in_circle(_cut_open(laws, None if none else rho)))
+        later = None if none else rho
+        if self._brings and laws is not self._laws:
+            moving = sampled_system(self._laws, opened=True, later=None if none else rho.real)
+            states = _circle(moving)
+            alive = Period(_alone(moving, states)).alive
+            return Period(_alone(sampled_system(laws, opened=True, later=later), states), alive=alive)
+        if self._brings:
+            return Period(_in_circle(sampled_system(laws, opened=True, later=later)))
+        return Period(self.part if none and laws is self._laws else _in_circle(_cut_open(laws, later)))
+
+    @cached_property
+    def _brings(self) -> bool:
+        """Whether a lane follows something that its real part does not: what a gain of 0 would take on."""
+        s = self.whole
+        jumps = [part for one in s.samplings for part in (one.taken, one.entering, one.updated) if part is not None]
+        return any(np.any((part.real == 0) & (part.imag != 0)) for part in (s.flow, s.driven, s.read, *jumps))
 
     @property
     def closes(self) -> bool:
@@ -132,7 +148,7 @@ class SampledLoop:
 
     @cached_property
     def _value(self) -> Period:
-        return Period(self.part.value)
+        return Period(self.part.value, alive=self.period.alive)
 
     @cached_property
     def _marked(self) -> Period:
@@ -166,6 +182,16 @@ def _cut_open(laws: NonlinearSystem, later: Array | None = None) -> SampledSyste
 
 def _in_circle(system: SampledSystem) -> SampledSystem:
     """Return the states that what leaves the cut passes on its way back to it."""
+    return _alone(system, _circle(system))
+
+
+def _alone(system: SampledSystem, states: npt.NDArray[np.int64]) -> SampledSystem:
+    """Return these states with the two ends of the cut."""
+    return system.part(states).between([len(system.inputs) - 1], [len(system.outputs) - 1])
+
+
+def _circle(system: SampledSystem) -> npt.NDArray[np.int64]:
+    """Return which states what leaves the cut passes on its way back to it."""
     n = system.n
     acts = np.zeros((n + 1, n + 1), dtype=bool)
     acts[:n, :n] = system.pattern
@@ -175,8 +201,7 @@ def _in_circle(system: SampledSystem) -> SampledSystem:
     acts[n, :n] = np.any(system.read[:, -1] != 0, axis=0)
     for circle in circles([np.flatnonzero(row).tolist() for row in acts]):
         if n in circle:
-            states = np.array([state for state in circle if state != n], dtype=np.int64)
-            return system.part(states).between([len(system.inputs) - 1], [len(system.outputs) - 1])
+            return np.array([state for state in circle if state != n], dtype=np.int64)
     raise AssertionError("every node is in a group")
 
 

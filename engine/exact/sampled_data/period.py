@@ -83,11 +83,19 @@ class Period:
         Further instants, s, in [0, period), at which :meth:`passage` looks at the state.
     events : sequence of Event, optional
         In place of those of the system's samplers.
+    alive : ndarray of int, optional
+        The states whose values at the start of a period matter, where more do than follow from the system: to a lane that it is the
+        real part of.
     """
 
     def __init__(
-        self, system: SampledSystem, marks: Iterable[float] = (), events: Sequence[Event] | None = None
+        self,
+        system: SampledSystem,
+        marks: Iterable[float] = (),
+        events: Sequence[Event] | None = None,
+        alive: States | None = None,
     ) -> None:
+        self._known_alive = alive
         self.system = system
         self.length: Array = system.period
         self.events = system.events() if events is None else list(events)
@@ -183,6 +191,8 @@ class Period:
     @cached_property
     def alive(self) -> States:
         """The states whose values at the start of a period matter: the others are overwritten before anything follows them."""
+        if self._known_alive is not None:
+            return self._known_alive
         rows, columns = self._moved
         whole = np.ones((len(rows), len(columns)), dtype=bool)
         flows = [whole] * len(self._distinct)

@@ -96,6 +96,7 @@ def _of_loop(part: SampledSystem) -> Poles:
     s: Complex = np.log(z.astype(complex)) / length
     if len(part.samplings) > 1:
         s = s + np.asarray(2j * np.pi / length * _aliases(part, own, z))
+        s[z.imag == 0] = s[z.imag == 0].real + 1j * np.abs(s[z.imag == 0].imag)  # a real one stands for both signs
     motion = (moved / z[:, None] - s[:, None] * slopes(period.length)) / length
     uncertainty = found.uncertainty[kept] / np.abs(z) / length
     return Poles(values=s, uncertainty=uncertainty, motion=motion, delay=np.zeros(len(s)))
