@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode
+from engine.elements._sampler import Sampler
 from engine.exact.laws.straight import until
 from engine.exact.nonlinear.agenda import Agenda, Stop
 from engine.exact.nonlinear.bounds import Bounds
@@ -103,6 +104,7 @@ class Integration:
         self._chain, self._pause = _FEWEST, 0
         self._left: Real | None = None
         self._torn = False  # whether signals jump here at other infinitesimals than where the record ends
+        self._mixed = not all(issubclass(law.element, Sampler) for law in system.laws)
         self._periods = Periods.of(system)
 
     @property
@@ -177,20 +179,26 @@ class Integration:
 
     def _arrive(self, due: Sequence[Stop]) -> None:
         """Do what is due at this instant, and let the laws settle."""
-        if not self._board.started:
+        begun = self._board.started
+        if not begun:
             self._board.begin()
         meeting = Meeting.of(self._board, self.record, due, self._left) if self.system.complex else None
+        self._board.switches = 0
+        driven = self._driving.may_jump(self.now)
+        unsettled = driven or not begun
         for stop in due:
             if meeting is not None:
                 meeting.reach(stop)
             if stop.law is not None:
+                if unsettled and self._mixed and not stop.updates:  # a sample is of what the other laws make of a jump
+                    self._board.settle()
                 self._board.sample(stop.law, updates=stop.updates)
+                unsettled = True
                 if not stop.updates:
                     self._agenda.sample_again(stop.law, self.now)
             if meeting is not None:
                 meeting.happened(stop)
-        self._board.switches = 0
-        if self._driving.may_jump(self.now) or any(stop.law is not None for stop in due):
+        if driven or any(stop.law is not None for stop in due):
             self._board.settle()
         if meeting is not None:
             self._torn = not meeting.end(stays=self.now >= self._widths.horizon * (1 - 1e-14))
