@@ -4,7 +4,7 @@ Of linear systems without delays the compiled kernels answer steps, loops and pa
 delays, to every other command, integrals and poles. Of nonlinear systems responses to any command are marched, where their laws
 can be written as formulas. Each metric is evaluated by its own evaluator, so that none waits for another. Frequency metrics that
 the kernels do not answer are read off a scan over frequencies by `engine.batch.frequency`, of nonlinear systems where they rest;
-responses for which the kernels cannot vouch are followed by `engine.batch.linear`.
+responses for which the kernels cannot vouch are followed by `engine.batch.linear`. Nothing here knows samplers.
 What these cannot vouch for either is flagged doubtful and belongs to the exact path.
 """
 
