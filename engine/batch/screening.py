@@ -4,8 +4,9 @@ Of linear systems without delays the compiled kernels answer steps, loops and pa
 delays, to every other command, integrals and poles. Of nonlinear systems responses to any command are marched, where their laws
 can be written as formulas. Each metric is evaluated by its own evaluator, so that none waits for another. Frequency metrics that
 the kernels do not answer are read off a scan over frequencies by `engine.batch.frequency`, of nonlinear systems where they rest;
-responses for which the kernels cannot vouch are followed by `engine.batch.linear`. Nothing here knows samplers.
-What these cannot vouch for either is flagged doubtful and belongs to the exact path.
+responses for which the kernels cannot vouch are followed by `engine.batch.linear`. Where samplers are all that is not linear,
+`engine.batch.sampled_data` follows what flows and jumps. What these cannot vouch for either is flagged doubtful and belongs to the
+exact path.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ import numpy as np
 from engine.batch.frequency.batch import FrequencyBatch
 from engine.batch.kernels.batch import NEIGHBOURS, Batch, Slopes, UnsuitableError
 from engine.batch.kernels.readings import TIME_READINGS
-from engine.batch.linear.responses import FOLLOWED, Responses
+from engine.batch.linear.responses import Responses
+from engine.batch.linear.spans import FOLLOWED
 from engine.batch.linear.spectra import Spectra
 from engine.batch.nonlinear.batch import MARCHED, NonlinearBatch
+from engine.batch.sampled_data.batch import SampledBatch
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError
 from engine.model.traced import UnsuitableError as NoFormulaError
@@ -58,6 +61,7 @@ class Screening:
         self._batches: dict[tuple[str, ...], Batch | None] = {}
         self._marches: dict[tuple[str, ...], NonlinearBatch | None] = {}
         self._scans: dict[tuple[int, ...], FrequencyBatch] = {}
+        self._sampled = SampledBatch(diagram, requests, threads=threads) if diagram.samplers_alone else None
 
     def compiled(self, parameters: Sequence[str]) -> bool:
         """Return whether compiled kernels answer every request, for these parameters varied."""
@@ -68,6 +72,8 @@ class Screening:
         """Return whether batches answer every request, compiled or marched, for these parameters varied."""
         if not self._diagram.nonlinear:
             return self.compiled(parameters)
+        if self._sampled is not None:
+            return all(self._sampled.measured)
         march = self._march(tuple(parameters))
         return march is not None and all(np.array(march.measured) | np.array(self._in_frequency))
 
@@ -78,6 +84,8 @@ class Screening:
         """
         if not self._diagram.nonlinear:
             return NEIGHBOURS if self.compiled(parameters) else FOLLOWED
+        if self._sampled is not None and any(self._sampled.measured):
+            return FOLLOWED
         return 1 if self._march(tuple(parameters)) is None else MARCHED
 
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
@@ -101,6 +109,8 @@ class Screening:
         return found
 
     def _screened(self, overrides: Mapping[str, Array], *, second_opinion: bool) -> Screened:
+        if self._sampled is not None:
+            return self._sampled(overrides)
         if self._diagram.nonlinear:
             return self._marched(overrides)
         points = _side_by_side(overrides.values())

@@ -132,9 +132,14 @@ class Diagram:
         return bool(self._samplers)
 
     @property
+    def samplers_alone(self) -> bool:
+        """Whether samplers, with limits or without, are all that is not linear in it."""
+        return bool(self._samplers) and self._channels.numbers == self._samplers.numbers
+
+    @property
     def sampled_alone(self) -> bool:
         """Whether samplers without limits are all that is not linear in it."""
-        return self._channels.numbers == self._samplers.numbers and not remarks.limited(self.laws().laws)
+        return self.samplers_alone and not remarks.limited(self.laws().laws)
 
     @property
     def reads_rates(self) -> bool:
@@ -360,17 +365,26 @@ class Diagram:
         steps : mapping of str to float, optional
             One lane for each parameter, as in `realize_lanes`.
         """
-        admitted = None
         if steps:
-            lanes = self._blocks.lanes(steps, overrides or {})
-            realizations, values, admitted = self._blocks.changed_members(lanes, len(steps))
-            realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
+            system, admitted = self.sampled_members(self._blocks.lanes(steps, overrides or {}), open_at)
             if not admitted.all():
                 raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
-        else:
-            realizations, values = self._blocks.changed(overrides or {})
-            realizations = self._laws.linearized(realizations, values, self.wiring())
-        return self._laws.cut_out(self._samplers, realizations, values, self.wiring(open_at), admitted)
+            return system
+        realizations, values = self._blocks.changed(overrides or {})
+        realizations = self._laws.linearized(realizations, values, self.wiring())
+        return self._laws.cut_out(self._samplers, realizations, values, self.wiring(open_at))
+
+    def sampled_members(
+        self, overrides: Mapping[str, npt.NDArray[Any]], open_at: Opening | None = None
+    ) -> tuple[NonlinearSystem, npt.NDArray[np.bool_]]:
+        """Return the same for a batch as in `realize_stack`, which tells what is raised, too, and which members exist, (B,)."""
+        batch = {path: np.asarray(value) for path, value in overrides.items()}
+        with np.errstate(all="ignore"):
+            realizations, values, admitted = self._blocks.changed_members(batch, len(next(iter(batch.values()))))
+            if not self.samplers_alone:
+                realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
+            system = self._laws.cut_out(self._samplers, realizations, values, self.wiring(open_at), admitted)
+        return system, admitted
 
     def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:
         """Return every coefficient of every block as a formula of the parameters ``varied``, written into ``graph``.

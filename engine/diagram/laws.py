@@ -56,9 +56,14 @@ class Laws:
         closed: Wiring,
         admitted: Flags | None = None,
     ) -> NonlinearSystem:
-        """Return the system with the laws of the blocks of some channels, all others as they are realised."""
+        """Return the system with the laws of the blocks of some channels, all others as they are realised.
+
+        A member of a batch for which there is none is no longer ``admitted``, which is overwritten.
+        """
         wiring = channels.wiring(closed, self._interconnection.outputs)
         assembled = self._interconnection.assemble(channels.without(realizations), wiring, admitted=admitted)
+        if admitted is not None:
+            admitted &= assembled.valid
         own = {number: self._blocks.of(number, values) for number in channels.numbers}
         return channels.system(assembled.matrices, closed, own)
 

@@ -35,8 +35,9 @@ def solved(path: Path, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     f = np.zeros((k, n + m, n + m), dtype=complex)
     slope = np.zeros_like(f)
     tangent = np.zeros_like(f)
-    f[:, :n, :n] = 1j * omega[:, None, None] * np.eye(n) - path.a[rows].real
-    slope[:, :n, :n] = 1j * np.eye(n)
+    variable, moves = path.variable(omega)
+    f[:, :n, :n] = variable[:, None, None] * np.eye(n) - path.a[rows].real
+    slope[:, :n, :n] = moves[:, None, None] * np.eye(n)
     tangent[:, :n, :n] = -path.a[rows].imag
     if m:
         f[:, :n, n:], f[:, n:, :n] = -path.b[rows, :, 1:].real, -path.c[rows, 1:].real
@@ -163,7 +164,7 @@ def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
     flat = (np.abs(second - first) < _FLAT * np.abs(first)) & (np.abs(first.imag) < _FLAT * np.abs(first.real))
     resting = everyone[flat & (first.real < -SMALLEST_LOOP_GAIN)]
     value, moved, _ = solved(path, resting, scan.frequencies[resting, 0])
-    direct = path.d[:, 0, 0] + 0j
+    direct = path.at_the_end + 0j
     passing = everyone[(direct.real < -SMALLEST_LOOP_GAIN) & (path.delays.shape[1] == 0)]
     gains = np.concatenate([real[counts], _dual(value.real, moved.real), direct[passing]])
     return np.concatenate([rows[counts], resting, passing]), -1 / gains, doubtful

@@ -22,7 +22,11 @@ _REACH = 1e-7, 1e5
 _WELL_CONDITIONED = 1e7
 _AROUND, _BETWEEN = np.array([-4.0, -1.0, 0.0, 1.0, 4.0]), np.array([-2.5, -0.5, 0.5, 2.5, 8.0])
 """Places around a pole and its conjugate, in parts of how far it is from the axis."""
+_AT_NYQUIST = 1e-9
+"""A pole of a sampled path that is nearer to z = -1 than this is as fast as that."""
 _NUDGE = 1e-10
+_LEVEL = 1e-12
+"""A curve rises where it does so by more than this part of itself."""
 _NARROWED = 5
 """How often the place where a curve turns near to a level is narrowed, to a quarter each time."""
 _TOUCHES = 1e-7
@@ -33,13 +37,33 @@ Level: TypeAlias = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
-    """One path of B systems: ``b`` (B, n, 1 + m), ``c`` (B, 1 + m, n), ``d`` (B, 1 + m, 1 + m); delay channels come last."""
+    """One path of B systems: ``b`` (B, n, 1 + m), ``c`` (B, 1 + m, n), ``d`` (B, 1 + m, 1 + m); delay channels come last.
+
+    Of a ``sampled`` one ``a`` is A - 1 of x_(k+1) = A x_k + b u_k, and a frequency ω stands for z = (1 + jω)/(1 - jω): the unit circle is
+    the imaginary axis, and no slow mode loses digits to the 1 beside it.
+    """
 
     a: Array
     b: Array
     c: Array
     d: Array
     delays: Array
+    sampled: bool = False
+
+    def variable(self, omega: Array) -> tuple[Array, Array]:
+        """Return what the eigenvalues of ``a`` are subtracted from at frequencies, s or z - 1, and its derivative by ω."""
+        if not self.sampled:
+            return 1j * omega, np.full(omega.shape, 1j)
+        return 2j * omega / (1 - 1j * omega), 2j / (1 - 1j * omega) ** 2
+
+    @property
+    def at_the_end(self) -> Array:
+        """The response where the axis ends without delays, real, with its infinitesimals, (B,)."""
+        if not self.sampled:
+            return self.d[:, 0, 0]
+        whole = -2 * np.eye(self.a.shape[1]) - self.a
+        with np.errstate(all="ignore"):
+            return np.asarray((self.c @ np.linalg.solve(whole, self.b) + self.d)[:, 0, 0])
 
     @property
     def batch(self) -> int:
@@ -61,28 +85,34 @@ class Scan:
     Parameters
     ----------
     path : Path
+    slowest : ndarray, shape (B,)
+        How slowly what the path belongs to decays: the scan begins far below.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, slowest: Array) -> None:
         self._path = path
         self._tau = path.delays.real
         a = path.a.real
         batch, n = a.shape[:2]
-        self._poles, vectors, self._modal = _eigenvectors(a)
+        self._eigenvalues, vectors, self._modal = _eigenvectors(a)
         # Repeated poles (two integrators in a loop) have dependent eigenvectors; those of a neighbour are good enough to
         # scan with, because what is found is polished on the system itself.
         repeated = np.flatnonzero(~self._modal)
         if repeated.size:
             i, j = np.indices((n, n))
             nudge = _NUDGE * np.abs(a[repeated]).max(axis=(1, 2))[:, None, None] * np.cos(1.0 + 3.0 * i + 7.0 * j)
-            self._poles[repeated], vectors[repeated], self._modal[repeated] = _eigenvectors(a[repeated] + nudge)
+            self._eigenvalues[repeated], vectors[repeated], self._modal[repeated] = _eigenvectors(a[repeated] + nudge)
         safe = np.where(self._modal[:, None, None], vectors, np.eye(n))
         ports = path.d.shape[1]
         left = np.linalg.solve(safe, path.b.real.astype(complex)) if n else np.zeros((batch, 0, ports))
         right = path.c.real @ safe
         # (B, n, ports * ports): the residue of every entry at every pole
         self._residues = (np.swapaxes(right, 1, 2)[:, :, :, None] * left[:, :, None, :]).reshape(batch, n, -1)
-        self.frequencies = self._grid()
+        self._poles = self._eigenvalues
+        if path.sampled:
+            fast = np.abs(2 + self._poles) < _AT_NYQUIST
+            self._poles = self._poles / np.where(fast, _AT_NYQUIST, 2 + self._poles)
+        self.frequencies = self._grid(slowest)
         self.response = self.at(np.arange(batch), self.frequencies)
 
     def at(self, rows: Array, omega: Array) -> Array:
@@ -92,11 +122,12 @@ class Scan:
         ports = path.d.shape[1]
         modal = self._modal[rows]
         with np.errstate(divide="ignore", invalid="ignore"):
-            parts = 1.0 / (1j * omega[:, :, None] - self._poles[rows, None, :])
+            variable, _ = path.variable(omega)
+            parts = 1.0 / (variable[:, :, None] - self._eigenvalues[rows, None, :])
             inner = (parts @ self._residues[rows]).reshape(k, q, ports, ports) + path.d.real[rows, None]
         for index in np.flatnonzero(~modal):
             row = rows[index]
-            resolvent = 1j * omega[index][:, None, None] * np.eye(path.a.shape[1]) - path.a[row].real
+            resolvent = variable[index][:, None, None] * np.eye(path.a.shape[1]) - path.a[row].real
             inner[index] = (
                 path.c[row].real @ np.linalg.solve(resolvent, path.b[row].real[None].astype(complex)) + path.d[row].real
             )
@@ -114,7 +145,7 @@ class Scan:
         )
         return np.asarray(inner[..., 0, 0] + (inner[..., :1, 1:] @ delayed)[..., 0, 0])
 
-    def _grid(self) -> Array:
+    def _grid(self, slowest: Array) -> Array:
         """Return rising frequencies (B, q): a logarithmic sweep, the neighbourhood of every pole, the turns of the delays."""
         size = np.abs(self._poles)
         top = size.max(axis=1, initial=0.0)
@@ -122,7 +153,7 @@ class Scan:
         inverse = 1.0 / np.where(delay > 0, delay, np.inf)
         corner = np.where(size > 1e-9 * top[:, None], size, np.inf).min(axis=1, initial=np.inf)
         low = np.minimum(corner, np.where(inverse > 0, inverse, np.inf))
-        low = np.where(np.isfinite(low), low, 1.0)
+        low = np.minimum(np.where(np.isfinite(low), low, 1.0), slowest)
         high = np.maximum(np.maximum(top, inverse), low)
         count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
         inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
@@ -150,7 +181,9 @@ class Scan:
         heights = np.where(np.isfinite(heights), heights, -np.inf)
         last = heights.shape[1] - 1
         padded = np.pad(heights, ((0, 0), (1, 1)), constant_values=-np.inf)
-        summits = np.where((heights >= padded[:, :-2]) & (heights >= padded[:, 2:]), heights, -np.inf)
+        with np.errstate(invalid="ignore"):
+            rises = heights - padded[:, :-2] > _LEVEL * np.abs(heights)  # a plateau has one summit, its first place
+        summits = np.where(rises & (heights >= padded[:, 2:]), heights, -np.inf)
         best_height = np.full(len(rows), -np.inf)
         best = self.frequencies[:, 0].copy()
         for _ in range(2):

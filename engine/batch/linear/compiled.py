@@ -1,11 +1,11 @@
-"""How the functions of this folder are compiled: as the kernels are, kept under a name of their own that changes with their sources."""
+"""How the functions of a folder are compiled: as the kernels are, kept under a name of their own that changes with their sources."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numba
 
@@ -14,28 +14,43 @@ from engine.batch.kernels import compiled as kernels
 F = TypeVar("F", bound=Callable[..., Any])
 
 _SETTINGS = vars(numba.config)
-_KERNELS = Path(_SETTINGS["CACHE_DIR"])  # what is compiled here calls kernels
-_SOURCES = [source.read_bytes() for source in sorted(Path(__file__).parent.glob("*.py"))]
-_CONTENT = hashlib.sha256(
-    _KERNELS.name.encode() + b"".join(text for text in _SOURCES if b"\n@compiled\n" in text)
-).hexdigest()[:16]
-HOME = str(_KERNELS.parent / f"responses-{_CONTENT}")
 
 
-def _kept(compile_: Callable[[F], F], function: F) -> F:
-    before = _SETTINGS["CACHE_DIR"]
-    _SETTINGS["CACHE_DIR"] = HOME
-    try:
-        return compile_(function)
-    finally:
-        _SETTINGS["CACHE_DIR"] = before
+class Compiler:
+    """Compiles the functions of one folder.
+
+    Parameters
+    ----------
+    name : str
+        Of what they are for.
+    folder : Path
+    below : Path
+        Where the functions are kept that these call.
+    """
+
+    def __init__(self, name: str, folder: Path, below: Path) -> None:
+        sources = [source.read_bytes() for source in sorted(folder.glob("*.py"))]
+        own = b"".join(text for text in sources if b"\n@compiled\n" in text)
+        content = hashlib.sha256(below.name.encode() + own).hexdigest()[:16]
+        self.home: Final = below.parent / f"{name}-{content}"
+
+    def compiled(self, function: F) -> F:
+        """Return the function compiled at its first call; it makes no arrays."""
+        return self._kept(kernels.compiled, function)
+
+    def allocating(self, function: F) -> F:
+        """Return the function compiled at its first call; it may make arrays."""
+        return self._kept(kernels.allocating, function)
+
+    def _kept(self, compile_: Callable[[F], F], function: F) -> F:
+        before = _SETTINGS["CACHE_DIR"]
+        _SETTINGS["CACHE_DIR"] = str(self.home)
+        try:
+            return compile_(function)
+        finally:
+            _SETTINGS["CACHE_DIR"] = before
 
 
-def compiled(function: F) -> F:
-    """Return the function compiled at its first call; it makes no arrays."""
-    return _kept(kernels.compiled, function)
-
-
-def allocating(function: F) -> F:
-    """Return the function compiled at its first call; it may make arrays."""
-    return _kept(kernels.allocating, function)
+_COMPILER = Compiler("responses", Path(__file__).parent, Path(_SETTINGS["CACHE_DIR"]))
+HOME: Final = _COMPILER.home
+compiled, allocating = _COMPILER.compiled, _COMPILER.allocating

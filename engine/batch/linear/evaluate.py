@@ -70,7 +70,7 @@ class Watched(NamedTuple):
 
 
 @compiled
-def _assemble(
+def assemble(
     a: Series, b: Series, c: Series, d: Series, delayed: Delayed, candidate: int, drive: Drive, watched: Watched,
     channels: Channels, m: Series, rows: Series,
 ) -> None:  # fmt: skip
@@ -118,7 +118,7 @@ def _assemble(
 
 
 @compiled
-def _differentiate(
+def differentiate(
     m: Series, row: Series, through: Series, n: int, x0: Series, drive: Drive, channels: Channels, work: Series
 ) -> int:  # fmt: skip
     """Write row M over a row; 1 where what it watches jumps, -1 where that cannot be told, 0 where it does not."""
@@ -182,8 +182,18 @@ def _resting(
             whole[n + k, n + j] = channels.through[count + k, j] - (1.0 if j == k else 0.0)
     if not solve(whole, right[: n + own], work, rest_x):
         return False
+    settle(plan, rows, watched, channels, rest, rest_x, n)
+    return True
+
+
+@compiled
+def settle(
+    plan: Plan, rows: Series, watched: Watched, channels: Channels, rest: Rest, rest_x: Series, n: int
+) -> None:  # fmt: skip
+    """Write where what is watched goes, of where states and delayed signals do; an error that is rounding is 0."""
+    size, count, own = rows.shape[1], watched.kinds.shape[0], channels.delays.shape[0]
     for r in range(rows.shape[0]):
-        total, terms = 0.0 * a[0, 0], 0.0
+        total, terms = 0.0 * rest_x[0], 0.0
         for j in range(size):
             part = rows[r, j] * (rest_x[j] if j < n else plan.states[plan.last, j - n])
             total = total + part
@@ -197,7 +207,6 @@ def _resting(
         elif r < count and watched.errors[r] and abs(total.real) <= _CANCELLED * terms:
             total = total - total.real
         rest.y[r] = total
-    return True
 
 
 @compiled
@@ -311,7 +320,7 @@ def evaluate(
             doubtful[candidate, k] = True
         flow = a[candidate]
         balance(flow, b[candidate], c[candidate], delayed.b2[candidate], delayed.c2[candidate])
-        _assemble(
+        assemble(
             flow, b[candidate], c[candidate], d[candidate], delayed, candidate, drive, watched, channels, m, rows
         )  # fmt: skip
         unit = _shared(unit_of(flow, n, drive.rate), channels)
@@ -323,7 +332,7 @@ def evaluate(
                 if plan.impulses[k] != 0.0 and d[candidate, watched.outputs[r], k] != 0.0:
                     rest.open[r] = -1
             for _ in range(watched.orders[r] if r < seen else 0):
-                found = _differentiate(m, rows[r], channels.through[r], n, x0, drive, channels, right)
+                found = differentiate(m, rows[r], channels.through[r], n, x0, drive, channels, right)
                 if rest.open[r] != 1 and found != 0:
                     rest.open[r] = found
         if plan.last >= 0 and not _resting(plan, flow, m, rows, watched, channels, rest, rest_x, work, right):

@@ -86,7 +86,7 @@ def begin(ladder: Ladder, m: Series, rows: Series, n: int, unit: float) -> None:
         for part in range(PARTS):
             _moved(own[part], f, own[part + 1], n, size)
     for _ in range(_DOUBLINGS):
-        _doubled(f, e, n, size)
+        doubled(f, e, n, size)
         f, e = e, f
     for i in range(size):
         for j in range(size):
@@ -99,7 +99,7 @@ def begin(ladder: Ladder, m: Series, rows: Series, n: int, unit: float) -> None:
 def climb(ladder: Ladder, level: int, n: int, size: int, count: int) -> None:
     """Make ``level`` of the one below it."""
     below = ladder.growth[level - 1]
-    _doubled(below, ladder.growth[level], n, size)
+    doubled(below, ladder.growth[level], n, size)
     for r in range(count):
         half, own = ladder.rows[level - 1, r], ladder.rows[level, r]
         for part in NEEDED:
@@ -112,7 +112,7 @@ def climb(ladder: Ladder, level: int, n: int, size: int, count: int) -> None:
 
 
 @compiled
-def _doubled(g: Series, out: Series, n: int, size: int) -> None:
+def doubled(g: Series, out: Series, n: int, size: int) -> None:
     """Write e^2M - 1 = g² + 2 g of g = e^M - 1."""
     product(g, g, out, n, size)
     for i in range(size):

@@ -124,5 +124,10 @@ METRICS: Mapping[str, Callable[[Array, Array], tuple[Array, Flags]]] = MappingPr
 def measured(metric: str, a: Array) -> tuple[Array, Flags, Real]:
     """Return a metric of the poles of ``a`` (B, n, n) with its change as the imaginary part, which are doubtful, and the growth."""
     values, motion, unsure = poles_of(a)
+    return (*read(metric, values, motion, unsure), growth_of(values))
+
+
+def read(metric: str, values: Array, motion: Array, unsure: Flags) -> tuple[Array, Flags]:
+    """Return a metric of poles (B, n) with its change as the imaginary part, and which are doubtful; see :func:`poles_of`."""
     found, doubt = METRICS[metric](values, motion)
-    return found, doubt | _ambiguous(values, unsure), growth_of(values)
+    return found, doubt | _ambiguous(values, unsure)

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.linear import poles, readings
-from engine.batch.linear.commands import Command, NotCoveredError
-from engine.batch.linear.evaluate import Delayed, Watched, evaluate
-from engine.batch.linear.readings import Wanted
+from engine.batch.linear import poles
+from engine.batch.linear.commands import NotCoveredError
+from engine.batch.linear.evaluate import Delayed, evaluate
 from engine.batch.linear.response_requests import (
     INTEGRALS,
     ResponseRequests,
-    lines_of,
-    lines_within,
-    number_of,
     plan_of,
-    within,
 )
+from engine.batch.linear.spans import in_spans
 from engine.batch.linear.spectra import Spectra, between
+from engine.batch.linear.wanted import CODES, HELD, order_of, reaches, readings_of
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError, UnresolvedError
 
@@ -35,22 +30,9 @@ if TYPE_CHECKING:
 
 Flags = npt.NDArray[np.bool_]
 
-_CODES: Final[Mapping[str, int]] = {
-    "overshoot": readings.OVERSHOOT, "undershoot": readings.UNDERSHOOT, "rise_time": readings.RISE,
-    "settling_time": readings.ENTRY, "response_time": readings.ENTRY, "peak": readings.PEAK,
-    "max_velocity": readings.PEAK, "max_acceleration": readings.PEAK, "control_effort": readings.PEAK,
-    "peak_time": readings.PEAK_TIME, "control_effort_rms": readings.RMS, "iae": readings.IAE, "ise": readings.ISE,
-    "itae": readings.ITAE, "ie": readings.IE, "residual_vibration": readings.RESIDUAL,
-    "steady_state_error": readings.ERROR, "recovery_time": readings.RECOVERY, "tracking_error": readings.TRACKING,
-    "envelope": readings.ENVELOPE,
-}  # fmt: skip
-_ERRORS: Final = frozenset({"iae", "ise", "itae", "ie", "steady_state_error"})
-_HELD: Final = frozenset({"tracking_error", "envelope"})
 _MOST_STATES: Final = 64
 _MOST_CHANNELS: Final = 4
 _LONGEST: Final = 1e9
-FOLLOWED: Final = 32
-"""Neighbours that are followed by the same thread."""
 _BESIDE: Final = 1e-6
 
 
@@ -89,23 +71,15 @@ class Responses:
         for column, request in enumerate(self._requests):
             if covered and not delayed and request.metric in poles.METRICS:
                 self._of_poles.append(column)
-            elif covered and request.metric in _CODES:
+            elif covered and request.metric in CODES:
                 self._register(column, request)
         mine = {column for response in self._responses.values() for column in response.columns} | set(self._of_poles)
         self.measured = tuple(column in mine for column in range(len(self._requests)))
 
     def _register(self, column: int, request: MetricRequest) -> None:
         diagram, output = self._diagram, str(request.output)
-        order = request.order(diagram)
-        if not request.signals or output not in diagram.outputs or not isinstance(order, int):
-            return
-        if any(name not in diagram.inputs for name in request.signals):
-            return
-        if request.compares and diagram.references.unlike(request.signals, output):
-            return
-        if request.metric == "recovery_time" and request.options.recovery_band is None:
-            return
-        if request.metric in _HELD and not lines_of(request):
+        order = order_of(diagram, request)
+        if order is None:
             return
         key = tuple((name, id(signal)) for name, signal in request.signals.items())
         response = self._responses.get(key)
@@ -117,7 +91,7 @@ class Responses:
                 response.command(1.0)
             except (NotCoveredError, UnresolvedError):
                 return
-        if request.metric in _HELD and response.endless and not _reaches(request):
+        if request.metric in HELD and response.endless and not reaches(request):
             return  # the exact path says how far it follows an endless response
         response.add(column, request, order, diagram.outputs.index(output))
         self._responses[key] = response
@@ -204,7 +178,7 @@ class Responses:
         except (NotCoveredError, UnresolvedError):
             return
         plan, drive = plan_of(response, command)
-        watched, wanted = self._wanted(response, command)
+        watched, wanted = readings_of(self._diagram, response, command)
         kind = np.result_type(flow, driven, seen, through, delays, found.values)
         arrays = [
             np.array(part, dtype=kind, order="C")
@@ -222,13 +196,7 @@ class Responses:
                 a, b, c, d, Delayed(*channels), plan, drive, watched, wanted, ends[span], numbers[span], doubt[span]
             )  # fmt: skip
 
-        spans = _spans(members)
-        if len(spans) == 1 or self._threads == 1:
-            for span in spans:
-                work(span)
-        else:
-            with ThreadPoolExecutor(min(len(spans), self._threads)) as pool:
-                list(pool.map(work, spans))
+        in_spans(members, work, self._threads)
         if drive.climbs:  # what is left of an error is the difference of two numbers that grow: the exact path decides
             for k, request in enumerate(response.requests):
                 if request.metric in INTEGRALS and request.duration is None:
@@ -236,49 +204,6 @@ class Responses:
             numbers[doubt] = np.nan
         at = np.ix_(members, np.array(response.columns))
         found.values[at], found.doubtful[at] = numbers, doubt
-
-    def _wanted(self, response: ResponseRequests, command: Command) -> tuple[Watched, Wanted]:
-        """Return what is watched and what is read off it."""
-        references, names = self._diagram.references, [self._diagram.inputs[number] for number in response.inputs]
-        outputs = sorted(set(response.outputs))
-        rows: dict[tuple[int, bool, int], int] = {}
-        codes, row, first, stop, lines = [], [], [], [], []
-        numbers = np.zeros((len(response.requests), 2))
-        last = int(np.searchsorted(command.times, command.last))
-        asked = zip(response.requests, response.orders, response.outputs, strict=True)
-        for k, (request, order, output) in enumerate(asked):
-            key = (outputs.index(output), request.metric in _ERRORS, order)
-            row.append(rows.setdefault(key, len(rows)))
-            codes.append(_CODES[request.metric])
-            until = request.duration if within(request) else None
-            stop.append(-1 if until is None else int(np.searchsorted(command.times, until)))
-            first.append(last if request.metric == "residual_vibration" else 0)
-            numbers[k, 0] = number_of(request)
-            lines += lines_within(k, request, command)
-        watched_names = [self._diagram.outputs[outputs[lane]] for lane, _, _ in rows]
-        named = [references.input_of(names, name) for name in watched_names]
-        watched = Watched(
-            outputs=np.array([lane for lane, _, _ in rows], np.int64),
-            kinds=np.array(
-                [-1.0 if error and name not in references.errors else 1.0
-                 for (_, error, _), name in zip(rows, watched_names, strict=True)]
-            ),
-            orders=np.array([order for _, _, order in rows], np.int64),
-            reference=np.array([[float(name == own) for name in names] for own in named]),
-            errors=np.array([error for _, error, _ in rows], np.int64),
-        )  # fmt: skip
-        wanted = Wanted(
-            codes=np.array(codes, np.int64), row=np.array(row, np.int64), first=np.array(first, np.int64),
-            stop=np.array(stop, np.int64), numbers=numbers, lines=np.array(lines, dtype=float).reshape(-1, 7),
-            start=float(response.start), loading=int(np.searchsorted(command.times, response.loading)),
-        )  # fmt: skip
-        return watched, wanted
-
-
-def _reaches(request: MetricRequest) -> bool:
-    """Return whether a response is followed as far as the straight lines go that it is held against."""
-    last = max(line.times[-1] for line, _ in lines_of(request))
-    return request.duration is not None and request.duration >= last
 
 
 def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:
@@ -308,9 +233,3 @@ def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, 
             groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
         found += [(np.flatnonzero(which.ravel() == k), *group) for group in groups.values()]
     return found
-
-
-def _spans(members: Array) -> list[slice]:
-    """Cut members (rising) where others of `FOLLOWED` begin: who shares a vector does not depend on how many there are."""
-    ends = [0, *(np.flatnonzero(np.diff(members // FOLLOWED)) + 1).tolist(), len(members)]
-    return [slice(first, last) for first, last in itertools.pairwise(ends)]

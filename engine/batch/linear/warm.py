@@ -23,7 +23,7 @@ def compiled_before() -> bool:
 
 def _mark() -> Path:
     """Return the file that says so, in the folder of the sources' content: for a version of the compiler and a processor."""
-    return Path(HOME) / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
+    return HOME / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
 
 
 def warm() -> None:

@@ -7,10 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.elements._base import Values
 from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals, entries
 from engine.model.errors import Path
+
+Rows = slice | npt.NDArray[np.intp]
+"""Some lanes, or some members of a batch."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,9 +38,9 @@ class Law:
         """Return the rates of the states; where ``resting``, what is 0 at rest."""
         return (self.element.unrest if self.resting else self.element.rates)(m, mode, self.values)
 
-    def member(self, index: int) -> Law:
-        """Return the law of one lane, or of one member of a batch."""
-        values = _member(self.values, index)
+    def members(self, rows: Rows) -> Law:
+        """Return the law of some lanes, or of some members of a batch."""
+        values = _members(self.values, rows)
         return replace(self, values=values, real=_real(values))
 
     @property
@@ -45,12 +49,12 @@ class Law:
         return any(np.iscomplexobj(entry) for entry in entries(self.values))
 
 
-def _member(value: Any, index: int) -> Any:
+def _members(value: Any, rows: Rows) -> Any:
     if isinstance(value, Mapping):
-        return {name: _member(entry, index) for name, entry in value.items()}
+        return {name: _members(entry, rows) for name, entry in value.items()}
     if isinstance(value, list):
-        return [_member(entry, index) for entry in value]
-    return value[index : index + 1] if isinstance(value, np.ndarray) and len(value) > 1 else value
+        return [_members(entry, rows) for entry in value]
+    return value[rows] if isinstance(value, np.ndarray) and len(value) > 1 else value
 
 
 def _real(value: Any) -> Any:

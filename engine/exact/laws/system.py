@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode, Moment, Signals, slopes, stacked, surface_slopes
-from engine.exact.laws.laws import Law
+from engine.exact.laws.laws import Law, Rows
 from engine.exact.laws.loops import closed, groups, solve_loop
 from engine.exact.laws.straight import Map, Maps, Straight, keep
 from engine.exact.laws.tangent import Tangent
@@ -131,8 +131,12 @@ class NonlinearSystem:
 
     def member(self, index: int) -> NonlinearSystem:
         """Return one lane (one member of a batch) as a system of its own."""
-        matrices = {name: m[index : index + 1] if len(m) > 1 else m for name, m in self.matrices.items()}
-        laws = [law.member(index) for law in self.laws]
+        return self.members(slice(index, index + 1))
+
+    def members(self, rows: Rows) -> NonlinearSystem:
+        """Return some members of a batch as a system of their own."""
+        matrices = {name: m[rows] if len(m) > 1 else m for name, m in self.matrices.items()}
+        laws = [law.members(rows) for law in self.laws]
         return NonlinearSystem(matrices, laws, self.inputs, self.outputs)
 
     @property

@@ -6,6 +6,7 @@ keeps its continuous poles, and two loops that do not meet need no common period
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -46,16 +47,7 @@ def sampled_poles(system: SampledSystem) -> Poles:
     UnresolvedError
         If the rates of one loop are in no rational ratio, or a lane changes it.
     """
-    pattern, flowing = system.pattern, _continuous_states(system)
-    parts: list[Poles] = []
-    for circle in circles([np.flatnonzero(row).tolist() for row in pattern]):
-        if circle[0] >= flowing and not _driven(system, circle):
-            continue  # a register that nothing enters stays empty
-        if len(circle) > 1 or pattern[circle[0], circle[0]] or not system.samplings:
-            part = system.part(np.array(circle))
-            parts.append(_of_loop(part) if part.samplings else continuous.poles(autonomous(part.flow)))
-        else:  # also a sum over samples, which no event changes by itself: an integrator
-            parts.append(continuous.poles(autonomous(system.flow[:, circle][:, :, circle])))
+    parts = [_of_loop(part) if part.samplings else continuous.poles(autonomous(part.flow)) for part in parts_of(system)]
     values = np.concatenate([np.zeros(0, complex), *(part.values for part in parts)])
     order = np.lexsort((values.imag, -values.real))
     return Poles(
@@ -64,6 +56,20 @@ def sampled_poles(system: SampledSystem) -> Poles:
         motion=np.concatenate([np.zeros((0, system.lanes), complex), *(part.motion for part in parts)])[order],
         delay=np.zeros(len(values)),
     )
+
+
+def parts_of(system: SampledSystem) -> list[SampledSystem]:
+    """Return the parts whose states follow each other, each with the samplers that have a share in its poles."""
+    pattern, flowing = system.pattern, _continuous_states(system)
+    found = []
+    for circle in circles([np.flatnonzero(row).tolist() for row in pattern]):
+        if circle[0] >= flowing and not _driven(system, circle):
+            continue  # a register that nothing enters stays empty
+        part = system.part(np.array(circle))
+        # a sum over samples too, which no event changes by itself, is an integrator
+        alone = len(circle) == 1 and not pattern[circle[0], circle[0]]
+        found.append(replace(part, samplings=()) if alone else part)
+    return found
 
 
 def _continuous_states(system: SampledSystem) -> int:

@@ -146,13 +146,16 @@ class SampledSystem:
 
     def path(self, source: int, target: int) -> SampledSystem:
         """Return the part of the system that lies between an input and an output, with these two alone."""
+        return self.part(np.flatnonzero(self.lying_between([source], [target]))).between([source], [target])
+
+    def lying_between(self, sources: Sequence[int], targets: Sequence[int]) -> npt.NDArray[np.bool_]:
+        """Return which states lie between some inputs and some outputs, (N,)."""
         acts = self.pattern
-        entered = np.any(self.driven[:, :, source] != 0, axis=0)
+        entered = np.any(self.driven[:, :, sources] != 0, axis=(0, 2))
         for sampling in self.samplings:
-            entered |= np.any(sampling.entering[:, :, source] != 0, axis=0)
-        seen = np.any(self.read[:, target] != 0, axis=0)
-        between = _spread(acts, entered) & _spread(acts.T, seen)
-        return self.part(np.flatnonzero(between)).between([source], [target])
+            entered |= np.any(sampling.entering[:, :, sources] != 0, axis=(0, 2))
+        seen = np.any(self.read[:, targets] != 0, axis=(0, 1))
+        return _spread(acts, entered) & _spread(acts.T, seen)
 
     def closed(self) -> SampledSystem:
         """Return the system with its last output fed back into its last input, u = y, and that input left in place.

@@ -1,0 +1,169 @@
+"""Metrics of responses to any command for many candidates whose only laws are samplers without limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.linear.commands import NotCoveredError
+from engine.batch.linear.response_requests import ResponseRequests, plan_of
+from engine.batch.linear.spans import in_spans
+from engine.batch.linear.wanted import HELD, order_of, reaches, readings_of
+from engine.batch.nonlinear.readings import SETTLED_ONLY
+from engine.batch.sampled_data.cycle import Cycle
+from engine.batch.sampled_data.evaluate import Ends, evaluate
+from engine.batch.sampled_data.march import Beat
+from engine.metrics import catalogue
+from engine.metrics._base import TimeMetric
+from engine.model.errors import UnresolvedError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from engine.analysis.measuring import MetricRequest
+    from engine.batch.linear.evaluate import Watched
+    from engine.batch.linear.readings import Wanted
+    from engine.batch.screened import Screened
+    from engine.diagram.diagram import Diagram
+    from engine.exact.sampled_data.system import SampledSystem
+    from engine.model.linear_system import Array
+
+_MOST_STATES: Final = 64
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """The requests of one command that is followed for ``duration`` s, None: until everything rests."""
+
+    requests: ResponseRequests
+    duration: float | None
+
+
+def runs_of(diagram: Diagram, requests: Sequence[MetricRequest]) -> list[Run]:
+    """Return what has to be followed for those requests that are read off responses."""
+    found: dict[tuple[Any, ...], Run] = {}
+    for column, request in enumerate(requests):
+        order = order_of(diagram, request)
+        if order is None or any(signal.impulse() for signal in request.signals.values()):
+            continue
+        key = (tuple((name, id(signal)) for name, signal in request.signals.items()), request.duration)
+        run = found.get(key)
+        if run is None:
+            run = _run(diagram, request)
+        if run is None or (request.metric in HELD and not reaches(request)):
+            continue
+        run.requests.add(column, request, order, diagram.outputs.index(str(request.output)))
+        found[key] = run
+    return list(found.values())
+
+
+def _run(diagram: Diagram, request: MetricRequest) -> Run | None:
+    """Return the run of a request; None for one that only the exact path knows how far to follow, or no states make."""
+    response = ResponseRequests(
+        inputs=[diagram.inputs.index(name) for name in request.signals], signals=list(request.signals.values())
+    )
+    try:
+        response.command(request.duration or 1.0)
+    except (NotCoveredError, UnresolvedError):
+        return None
+    return None if response.endless and request.duration is None else Run(requests=response, duration=request.duration)
+
+
+def follow_run(
+    run: Run, diagram: Diagram, system: SampledSystem, members: Array, found: Screened, threads: int
+) -> None:  # fmt: skip
+    """Enter the metrics of a run for the ``members`` of a batch that ``system`` consists of, and how they grow."""
+    inputs, outputs = run.requests.inputs, sorted(set(run.requests.outputs))
+    groups: dict[bytes, tuple[Array, list[int]]] = {}
+    for output in outputs:
+        kept = np.flatnonzero(system.lying_between(inputs, [output]))
+        groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
+    for states, own in groups.values():
+        part = system.part(states).between(inputs, own)
+        if not 0 < part.n <= _MOST_STATES or not part.samplings:
+            continue
+        cycle = Cycle.of(part)
+        if cycle is None:
+            continue
+        growth = cycle.growth
+        found.growth[members] = np.fmax(found.growth[members], growth)
+        requests = run.requests.of(own)
+        columns = np.array(requests.columns)
+        found.doubtful[np.ix_(members[growth >= 0], columns)] = False
+        stable = np.flatnonzero(growth < 0)
+        if stable.size:
+            _follow(run, requests, diagram, cycle, members, stable, found, threads)
+
+
+def _follow(
+    run: Run, requests: ResponseRequests, diagram: Diagram, cycle: Cycle, members: Array, stable: Array, found: Screened,
+    threads: int,
+) -> None:  # fmt: skip
+    until = np.inf if run.duration is None else run.duration
+    try:
+        command = requests.command(until if run.duration is not None else 0.0)
+    except (NotCoveredError, UnresolvedError):
+        return
+    plan, drive = plan_of(requests, command)
+    watched, wanted = readings_of(diagram, requests, command, outputs_too=True)
+    final = plan.states[plan.last] if plan.last >= 0 else np.zeros(drive.flow.shape[0])
+    rests = np.full((len(cycle.flow), cycle.flow.shape[1]), np.nan, dtype=np.result_type(cycle.flow, cycle.jumps))
+    rests[stable] = cycle.rest(stable, drive.drive @ final)
+    kind = np.result_type(cycle.flow, cycle.jumps, cycle.driven, cycle.entering, cycle.read, cycle.direct, found.values)
+    arrays = [
+        np.ascontiguousarray(part[stable], dtype=kind)
+        for part in (cycle.flow, cycle.driven, cycle.read, cycle.direct, cycle.jumps, cycle.entering, rests)
+    ]
+    ends = _ends(requests, watched, wanted, command.last, endless=plan.last < 0)
+    timing = _timing(cycle, kind)
+    values = np.full((len(stable), len(requests.columns)), np.nan, dtype=kind)
+    doubtful = np.ones(values.shape, dtype=bool)
+
+    def work(span: slice) -> None:
+        flow, driven, read, direct, jumps, entering, rest = (part[span] for part in arrays)
+        evaluate(
+            flow, driven, read, direct, jumps, entering, rest, timing, plan, drive, watched, wanted, ends, until,
+            cycle.moved, values[span], doubtful[span],
+        )  # fmt: skip
+
+    in_spans(members[stable], work, threads)
+    values[doubtful] = np.nan
+    at = np.ix_(members[stable], np.array(requests.columns))
+    found.values[at], found.doubtful[at] = values if np.iscomplexobj(found.values) else values.real, doubtful
+
+
+def _ends(requests: ResponseRequests, watched: Watched, wanted: Wanted, last: float, *, endless: bool) -> Ends:
+    """Return what a run that ends after a time tells of each metric."""
+    as_it_is = {
+        int(output): row
+        for row, output in enumerate(watched.outputs)
+        if not watched.errors[row] and not watched.orders[row]
+    }
+    plain = [as_it_is[int(watched.outputs[row])] for row in wanted.row]
+    relative, refused = np.zeros((2, len(plain)), dtype=np.int64)
+    for k, request in enumerate(requests.requests if not endless else []):
+        metric = catalogue()[request.metric]
+        relative[k] = issubclass(metric, TimeMetric) and metric.of_the_end
+        refused[k] = (relative[k] or request.metric in SETTLED_ONLY) and not request.unsettled
+    return Ends(np.array(plain, np.int64), relative, refused, last)
+
+
+def _timing(cycle: Cycle, kind: npt.DTypeLike) -> Beat:
+    """Return the timing of all members of a cycle."""
+    g, n = cycle.jumps.shape[1:3]
+    rows = np.full((g, n + 1), -1, dtype=np.int64)
+    for instant in range(g):
+        acts = (cycle.jumps[:, instant] != np.eye(n)).any(axis=(0, 2)) | (cycle.entering[:, instant] != 0).any(
+            axis=(0, 2)
+        )
+        own = np.flatnonzero(acts)
+        rows[instant, : len(own)] = own
+    nothing = np.zeros((g, n, 0), dtype=kind)
+    levels = np.zeros((2, len(cycle.widths)), dtype=np.int64)
+    return Beat(
+        cycle.instants, cycle.widths, cycle.kinds, cycle.length, cycle.flowing, np.zeros((g, n, n), dtype=kind), nothing, rows,
+        *levels,
+    )  # fmt: skip
