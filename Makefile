@@ -34,7 +34,7 @@ $(INSTALLED): requirements.lock pyproject.toml $(addsuffix /pyproject.toml,$(DIS
 
 $(WARM): $(INSTALLED)
 	@echo 'Compiling the kernels (a minute or two, once for a machine) ...'
-	@$(BIN)/python -m engine.batch.linear.warm & $(BIN)/python -m engine.batch.kernels.warm && wait $$!
+	@{ $(BIN)/python -m engine.batch.linear.warm && $(BIN)/python -m engine.batch.sampled_data.warm; } & $(BIN)/python -m engine.batch.kernels.warm && wait $$!
 	@touch $@
 
 # npm writes that file when it has installed what the lock says.

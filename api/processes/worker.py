@@ -27,8 +27,7 @@ from api.services.validations import validations
 from api.services.webhooks import alerts
 from api.settings import Settings
 from api.telemetry import logs
-from engine.batch.kernels import warm as kernels
-from engine.batch.linear import warm as responses
+from engine.batch import warm as ahead
 from optimizers.evaluation.spreading import spread
 from storage.jobs.compute import ComputeJob, Refusal, Reporter
 from storage.jobs.queue import JobQueue
@@ -40,10 +39,8 @@ _COMPILE = """
 import ctypes, signal, sys
 if sys.platform == "linux":
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-from engine.batch.kernels.warm import warm
-from engine.batch.linear.warm import warm as warm_responses
+from engine.batch.warm import warm
 warm()
-warm_responses()
 """
 #: A job has the time that its queue says, not that of a request (s).
 _A_JOB_S = 1e6
@@ -108,7 +105,7 @@ def prepare() -> Later | None:
     logs.configure(settings.log_level, form=settings.log_format)
     for package in ("scipy.signal", "scipy.stats"):  # searches and identifications load them where they need them
         importlib.import_module(package)
-    if _compiled_before():
+    if ahead.compiled_before():
         _load_compiled()
         return None
     _log.warning(
@@ -133,19 +130,14 @@ def await_compiled(reporter: Reporter) -> None:
 
     It happens once for a machine and version, and is no time of the search's.
     """
-    while _compiling and not _compiled_before() and _lives(_compiling[0]) and not reporter.ending():
+    while _compiling and not ahead.compiled_before() and _lives(_compiling[0]) and not reporter.ending():
         reporter.progress(0.0, "waiting for kernels that are compiled, once for this machine: a minute or more")
         time.sleep(_LOOK_INTERVAL)
 
 
-def _compiled_before() -> bool:
-    return kernels.compiled_before() and responses.compiled_before()
-
-
 def _load_compiled() -> None:
-    if _compiled_before():
-        kernels.warm()
-        responses.warm()
+    if ahead.compiled_before():
+        ahead.warm()
 
 
 def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:

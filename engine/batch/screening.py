@@ -26,6 +26,7 @@ from engine.batch.linear.spans import FOLLOWED
 from engine.batch.linear.spectra import Spectra
 from engine.batch.nonlinear.batch import MARCHED, NonlinearBatch
 from engine.batch.sampled_data.batch import SampledBatch
+from engine.batch.sampled_data.loops import SCANNED
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError
 from engine.model.traced import UnsuitableError as NoFormulaError
@@ -85,7 +86,7 @@ class Screening:
         if not self._diagram.nonlinear:
             return NEIGHBOURS if self.compiled(parameters) else FOLLOWED
         if self._sampled is not None and any(self._sampled.measured):
-            return FOLLOWED
+            return SCANNED
         return 1 if self._march(tuple(parameters)) is None else MARCHED
 
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:

@@ -113,6 +113,8 @@ class Evaluator:
         self.seconds_each: float | None = None
         self._screening = Screening(problem.diagram, screened_requests(problem), threads=threads)
         self._settled: dict[bytes, Assessment] = {}
+        # of samplers alone nothing is told but by where they act
+        self._has_laws = problem.diagram.nonlinear and not problem.diagram.sampled_alone
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
     @cached_property
@@ -214,7 +216,7 @@ class Evaluator:
 
         Marches of a nonlinear system look for no events: where the exact path says that a run ends before its time, it does.
         """
-        return self.problem.diagram.nonlinear and bool(np.isnan(self.settled(position).values).any())
+        return self._has_laws and bool(np.isnan(self.settled(position).values).any())
 
     def local(self, position: Vector) -> Local | None:
         """Return values and exact slopes at one point, or None where a metric has no value in some scenario."""

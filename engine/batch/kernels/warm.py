@@ -5,30 +5,19 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 
-import llvmlite.binding
 import numba
 import numpy as np
 
 from engine.analysis.measuring import MetricRequest
 from engine.batch.kernels.batch import Batch
+from engine.batch.linear.compiled import Mark
 from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.diagram.diagram import Block, Connection, Diagram, System, compile_system
 from engine.signals import make
 
-
-def compiled_before() -> bool:
-    """Return whether a process of this machine has compiled all kernels as they are now, so that `warm` takes about a second."""
-    return _mark().is_file()
-
-
-def _mark() -> Path:
-    """Return the file that says so, in the folder of the sources' content: for a version of the compiler and a processor."""
-    return (
-        Path(vars(numba.config)["CACHE_DIR"]) / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
-    )
+MARK = Mark(Path(vars(numba.config)["CACHE_DIR"]))
 
 
 def warm() -> None:
@@ -42,8 +31,7 @@ def warm() -> None:
     )
     for law in (Block(kind="saturation", values={}), Block(kind="backlash", values={"width": 0.1})):
         NonlinearBatch(_loop(law), ["controller.gain"], requests, generate=False)(np.array([[1.0]]))
-    with suppress(OSError):  # nothing can be kept there: every process compiles its own
-        _mark().touch()
+    MARK.make()
 
 
 def _loop(actuator: Block) -> Diagram:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+import llvmlite.binding
 import numba
 
 from engine.batch.kernels import compiled as kernels
@@ -49,6 +51,27 @@ class Compiler:
             return compile_(function)
         finally:
             _SETTINGS["CACHE_DIR"] = before
+
+
+class Mark:
+    """A file that says that a process of this machine has compiled all that is kept in a folder, so that loading it takes about a second.
+
+    Parameters
+    ----------
+    home : Path
+        The folder, whose name changes with the sources; the file is for a version of the compiler and a processor.
+    """
+
+    def __init__(self, home: Path) -> None:
+        self._file = home / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
+
+    def __bool__(self) -> bool:
+        return self._file.is_file()
+
+    def make(self) -> None:
+        """Say so."""
+        with suppress(OSError):  # nothing can be kept there: every process compiles its own
+            self._file.touch()
 
 
 _COMPILER = Compiler("responses", Path(__file__).parent, Path(_SETTINGS["CACHE_DIR"]))

@@ -79,6 +79,8 @@ def extreme(pieces: Pieces, room: Room, r: int, first: int, stop: int, sign: flo
     least = _EQUAL * pieces.scale[r]
     for p in range(first, stop):
         series, base = pieces.series[r, p], pieces.base[r, p]
+        if sign * (base.real + series[0].real) + spread_of(series) <= best:
+            continue
         for side in range(2):
             end = sign * (base + end_of(pieces, series, p, side))
             if end.real > best + least:

@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-from pathlib import Path
-
-import llvmlite.binding
-import numba
 import numpy as np
 
 from engine.analysis.measuring import MetricRequest
-from engine.batch.linear.compiled import HOME
+from engine.batch.linear.compiled import HOME, Mark
 from engine.batch.linear.responses import Responses
 from engine.diagram.diagram import Block, Connection, System, compile_system
 from engine.signals import make
 
-
-def compiled_before() -> bool:
-    """Return whether a process of this machine has compiled all of it as it is now, so that `warm` takes about a second."""
-    return _mark().is_file()
-
-
-def _mark() -> Path:
-    """Return the file that says so, in the folder of the sources' content: for a version of the compiler and a processor."""
-    return HOME / f"compiled-{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
+MARK = Mark(HOME)
 
 
 def warm() -> None:
@@ -45,8 +32,7 @@ def warm() -> None:
     responses = Responses(lag, [request], ["gain.gain"], threads=1)
     for gain in (1.0, 1.0 + 1e-30j):
         responses({"gain.gain": np.array([gain])})
-    with suppress(OSError):  # nothing can be kept there: every process compiles its own
-        _mark().touch()
+    MARK.make()
 
 
 if __name__ == "__main__":

@@ -50,6 +50,8 @@ def alike(system: NonlinearSystem, exist: Flags) -> list[Numbers]:
     parts = [*flags, *(np.ascontiguousarray(part, dtype=float).view(np.uint8) for part in numbers)]
     whole = np.concatenate([np.broadcast_to(part, (lanes, part.shape[1])).astype(np.uint8) for part in parts], axis=1)
     here = np.flatnonzero(exist)
+    if here.size and (whole[here] == whole[here[0]]).all():
+        return [here]
     _, which = np.unique(whole[here], axis=0, return_inverse=True)
     return [here[which == k] for k in range(which.max(initial=-1) + 1)]
 

@@ -179,7 +179,7 @@ def evaluate(
             settle(plan, rows, watched, channels, rest, rests[candidate], n)
         beat = Beat(
             timing.instants, timing.widths, timing.kinds, timing.length, timing.flowing, jumps[candidate], enters, timing.rows,
-            timing.levels, timing.counts,
+            timing.levels, timing.counts, timing.sizes,
         )  # fmt: skip
         fastest = max(norm_of(m, timing.flowing), drive.rate)
         unit = min(ANGLE / fastest, timing.length) if fastest > 0.0 else timing.length

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 MEASURED: Final = frozenset(LOOP_METRICS) - {"delay_margin"}
 """A delay is no phase for what is held: its margin is left to the exact path."""
+SCANNED: Final = 128
+"""Neighbours that are scanned together."""
 _MOST_STATES: Final = 64
 
 
@@ -75,7 +77,7 @@ def _measure(loop: _Sequence, members: Array, requests: Mapping[int, MetricReque
             found.doubtful[members[rows], column] = read.doubtful
 
     if stable.size:
-        in_spans(members[stable], work, 1)
+        in_spans(members[stable], work, 1, SCANNED)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,6 +30,10 @@ _EVEN: Final = 4
 """A time between instants that takes no more pieces is cut evenly; else the first is as short as that, and each as long as all before it."""
 _HELD: Final = 1e-12
 """Of a response's largest value: what the last coefficients of a longer piece may be."""
+_NOISE: Final = 1e-15
+"""Of what a piece begins with: what rounding may leave in its last coefficients."""
+_ROUNDING: Final = 1e-18
+"""Of the largest: a smaller coefficient of a piece is none."""
 _AT_REST: Final = 1e-15
 _GRAIN: Final = 1e-9
 """Of the period: instants that are nearer are one."""
@@ -40,7 +44,8 @@ class Beat(NamedTuple):
     """The period of one candidate: ``instants`` (g,), ``widths`` (K,), ``kinds`` (g,), its ``length``, s, and how many states flow.
 
     ``jumps`` (g, n, n), ``entering`` (g, n, w) what the command's states enter by, ``rows`` (g, n + 1) which states jump, ended by -1.
-    ``levels`` (K,) tells how many levels of pieces a width takes: 0 for even ones, of which there are ``counts`` (K,).
+    ``levels`` (K,) tells how many levels of pieces a width takes: 0 for even ones, of which there are ``counts`` (K,). ``sizes`` (K, LEVELS)
+    is how many coefficients of a piece are not rounding.
     """
 
     instants: Real
@@ -53,6 +58,7 @@ class Beat(NamedTuple):
     rows: Whole
     levels: Whole
     counts: Whole
+    sizes: Whole
 
 
 @compiled
@@ -74,7 +80,25 @@ def prepare(beat: Beat, ladders: Ladder, m: Series, rows: Series, rate: float) -
             begin(ladder, m, rows, n, beat.widths[kind] / (2.0**levels * PARTS))
             for level in range(1, levels):
                 climb(ladder, level, n, size, count)
+        for level in range(max(1, beat.levels[kind])):
+            beat.sizes[kind, level] = _size_of(ladder.maps[level], count, size)
     return True
+
+
+@compiled
+def _size_of(maps: Series, count: int, size: int) -> int:
+    """Return how many coefficients are more than rounding of the largest, whatever the state is."""
+    found = 2
+    for r in range(count):
+        for j in range(size):
+            largest = 0.0
+            for k in range(SIZE):
+                largest = max(largest, abs(maps[r, k, j].real))
+            for k in range(SIZE - 1, found - 1, -1):
+                if abs(maps[r, k, j].real) > _ROUNDING * largest:
+                    found = k + 1
+                    break
+    return found
 
 
 @compiled
@@ -229,7 +253,7 @@ def _between(
     width, gone = beat.widths[kind], 0.0
     for part in range(count):
         level = max(part - 1, 0) if levels else 0
-        _series(ladders.maps[kind, level], pieces, rows.shape[0], size)
+        _series(ladders.maps[kind, level], pieces, rows.shape[0], size, beat.sizes[kind, level])
         if not _accept(pieces, rest_y, resting, levels > 0):
             return False
         _move(ladders.growth[kind, level], pieces, n, size)
@@ -239,11 +263,13 @@ def _between(
 
 
 @compiled
-def _series(maps: Series, pieces: Pieces, count: int, size: int) -> None:
-    """Write the trial of a piece."""
+def _series(maps: Series, pieces: Pieces, count: int, size: int, held: int) -> None:
+    """Write the trial of a piece that takes ``held`` coefficients."""
     z = pieces.state
     for r in range(count):
-        for k in range(SIZE):
+        for k in range(held, SIZE):
+            pieces.trial[r, k] = 0.0 * z[0]
+        for k in range(held):
             row = maps[r, k]
             total = row[0] * z[0]
             for j in range(1, size):
@@ -265,7 +291,8 @@ def _accept(pieces: Pieces, rest_y: Series, resting: bool, look: bool) -> bool:
         pieces.base[r, count] = base
         pieces.scale[r] = max(pieces.scale[r], abs(series[0].real + base.real) + spread)
         last = max(abs(series[DEGREE].real), abs(series[DEGREE - 1].real))
-        if not pieces.scale[r] < math.inf or (look and last > _HELD * pieces.scale[r]):
+        allowed = _HELD * pieces.scale[r] + _NOISE * (abs(series[0].real) + abs(base.real))
+        if not pieces.scale[r] < math.inf or (look and last > allowed):
             return False
     pieces.progress[2] = count + 1
     return True

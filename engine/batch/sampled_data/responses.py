@@ -15,7 +15,7 @@ from engine.batch.linear.wanted import HELD, order_of, reaches, readings_of
 from engine.batch.nonlinear.readings import SETTLED_ONLY
 from engine.batch.sampled_data.cycle import Cycle
 from engine.batch.sampled_data.evaluate import Ends, evaluate
-from engine.batch.sampled_data.march import Beat
+from engine.batch.sampled_data.march import LEVELS, Beat
 from engine.metrics import catalogue
 from engine.metrics._base import TimeMetric
 from engine.model.errors import UnresolvedError
@@ -162,8 +162,8 @@ def _timing(cycle: Cycle, kind: npt.DTypeLike) -> Beat:
         own = np.flatnonzero(acts)
         rows[instant, : len(own)] = own
     nothing = np.zeros((g, n, 0), dtype=kind)
-    levels = np.zeros((2, len(cycle.widths)), dtype=np.int64)
+    widths = len(cycle.widths)
     return Beat(
         cycle.instants, cycle.widths, cycle.kinds, cycle.length, cycle.flowing, np.zeros((g, n, n), dtype=kind), nothing, rows,
-        *levels,
+        np.zeros(widths, dtype=np.int64), np.zeros(widths, dtype=np.int64), np.zeros((widths, LEVELS), dtype=np.int64),
     )  # fmt: skip

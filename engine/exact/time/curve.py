@@ -195,6 +195,10 @@ class Curve:
         # the earliest among equals: two that differ by rounding are equal
         first = order[np.argmax(heights[order] >= heights.max() - _EQUAL * scale)]
         k, th, edges = int(piece[first]), float(place[first]), self.times
+        if spread[k] <= _STILL * scale:  # it has come there at the first of the pieces that do not move
+            th = 0.0
+            while k > 0 and max(spread[k - 1], abs(nodes[k - 1, -1] - nodes[k, 0])) <= _STILL * scale:
+                k -= 1
         if th in {0.0, 1.0}:
             side = round(th)
             return self.values[k, -side], float(edges[k + side])

@@ -37,7 +37,7 @@ def beside(monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[bytes]]
     """A process that a worker takes for the one that compiles: it ends when its input does."""
     command = [sys.executable, "-S", "-c", "import sys; sys.stdin.read()"]
     with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
-        monkeypatch.setattr(worker, "_compiled_before", lambda: False)
+        monkeypatch.setattr(worker.ahead, "compiled_before", lambda: False)
         monkeypatch.setattr(worker, "_LOOK_INTERVAL", 0.0)
         monkeypatch.setattr(worker.logs, "configure", lambda *_, **__: None)
         monkeypatch.setattr(worker.subprocess, "Popen", lambda _: process)
@@ -57,7 +57,7 @@ def test_a_search_waits_and_says_so_until_it_is_cancelled(beside) -> None:
 def test_it_begins_once_all_is_compiled(beside, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.prepare()
     answers = iter([False, False, True])
-    monkeypatch.setattr(worker, "_compiled_before", lambda: next(answers))
+    monkeypatch.setattr(worker.ahead, "compiled_before", lambda: next(answers))
     reporter = Listened(looks=100)
     worker.await_compiled(reporter)
     assert len(reporter.told) == 2
@@ -84,7 +84,7 @@ def test_a_process_of_another_user_that_took_over_the_number_does_not_compile(be
 
 
 def test_where_all_is_compiled_nobody_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker, "_compiled_before", lambda: True)
+    monkeypatch.setattr(worker.ahead, "compiled_before", lambda: True)
     monkeypatch.setattr(worker, "_load_compiled", lambda: None)
     monkeypatch.setattr(worker.logs, "configure", lambda *_, **__: None)
     assert worker.prepare() is None

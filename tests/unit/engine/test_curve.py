@@ -91,3 +91,13 @@ def test_absolute_value_of_a_piece_that_ends_at_its_root() -> None:
     # by rounding the piece [0, 1] changes sign at its very end, where no cut is possible
     curve = curve_of(lambda t, p: 0.3 * p * (1 - t) - 2e-16, [0.0, 1.0, 2.0])
     assert curve.absolute().integral()[0] == pytest.approx(0.3, abs=1e-14)
+
+
+def test_a_plateau_is_reached_where_it_begins() -> None:
+    """What stands still rounds in its own way on every piece: a mass at the end of its stroke."""
+    heights = (0.3, 0.3 - 3e-16, 0.3 - 5e-16, 0.3, 0.3 + 3e-16, 0.3)
+    climb = 0.3 * np.sin(0.5 * np.pi * NODES) - 6e-16
+    values = np.stack([0.5 * climb, climb, *(np.full_like(NODES, height) for height in heights)])
+    curve = Curve(edges=np.arange(len(values) + 1.0)[:, None], values=values[..., None])
+    assert curve.largest()[1] == 2.0
+    assert (curve * -1.0).smallest()[1] == 2.0
