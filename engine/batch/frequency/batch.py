@@ -105,7 +105,9 @@ class FrequencyBatch:
     def _read(self, between: _Between, columns: list[int], here: Array, growth: Array, found: Screened) -> None:
         """Enter the metrics of the candidates ``here``, which are stable."""
         path = between.balanced(here)
-        scan = Scan(path, np.abs(growth[here]))
+        scan = Scan(path)
+        # What is slower than the lowest frequency of the table crosses and bends below it.
+        slow = np.abs(growth[here]) < scan.frequencies[:, 0]
         for index in columns:
             request = self._requests[index]
             loop = _is_loop(request)
@@ -116,7 +118,7 @@ class FrequencyBatch:
                 metric = LOOP_METRICS[request.metric] if loop else PATH_METRICS[request.metric]
                 read = metric(path, scan)
             found.values[here, index] = read.value if np.iscomplexobj(found.values) else read.value.real
-            found.doubtful[here, index] = read.doubtful
+            found.doubtful[here, index] = read.doubtful | slow
 
 
 def _is_loop(request: MetricRequest) -> bool:

@@ -85,11 +85,11 @@ class Scan:
     Parameters
     ----------
     path : Path
-    slowest : ndarray, shape (B,)
-        How slowly what the path belongs to decays: the scan begins far below.
+    slowest : ndarray, shape (B,), optional
+        How slowly what the path belongs to decays, where the scan has to begin far below. Frequencies then depend on who is scanned together.
     """
 
-    def __init__(self, path: Path, slowest: Array) -> None:
+    def __init__(self, path: Path, slowest: Array | None = None) -> None:
         self._path = path
         self._tau = path.delays.real
         a = path.a.real
@@ -145,7 +145,7 @@ class Scan:
         )
         return np.asarray(inner[..., 0, 0] + (inner[..., :1, 1:] @ delayed)[..., 0, 0])
 
-    def _grid(self, slowest: Array) -> Array:
+    def _grid(self, slowest: Array | None) -> Array:
         """Return rising frequencies (B, q): a logarithmic sweep, the neighbourhood of every pole, the turns of the delays."""
         size = np.abs(self._poles)
         top = size.max(axis=1, initial=0.0)
@@ -153,7 +153,8 @@ class Scan:
         inverse = 1.0 / np.where(delay > 0, delay, np.inf)
         corner = np.where(size > 1e-9 * top[:, None], size, np.inf).min(axis=1, initial=np.inf)
         low = np.minimum(corner, np.where(inverse > 0, inverse, np.inf))
-        low = np.minimum(np.where(np.isfinite(low), low, 1.0), slowest)
+        low = np.where(np.isfinite(low), low, 1.0)
+        low = low if slowest is None else np.minimum(low, slowest)
         high = np.maximum(np.maximum(top, inverse), low)
         count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
         inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
