@@ -232,6 +232,20 @@ def test_margins_by_the_z_transform(row: int) -> None:
     np.testing.assert_allclose(found.values[row], expected, rtol=1e-8)
 
 
+def test_a_pole_at_the_nyquist_frequency_is_left_to_the_exact_path() -> None:
+    law = block("discrete_transfer_function", numerator=[0.2, 0.5], denominator=[1.0, 1.0], sample_time=PERIOD)
+    diagram = loop({"n": law}, delay=0.0)
+    asked = [MetricRequest(metric=metric, open_at="e") for metric in LOOPS]
+    gains = {"pid.kp": (0.4, 0.2), "pid.ki": (0.0, 0.0), "pid.kd": (0.0, 0.0)}
+    found = screened(diagram, asked, gains)
+    for row, kp in enumerate(gains["pid.kp"]):
+        exact = measure(diagram, asked, overrides={"pid.kp": kp, "pid.ki": 0.0, "pid.kd": 0.0})
+        for column, (measured, _) in enumerate(exact):
+            if not found.doubtful[row, column]:
+                assert found.values[row, column] == pytest.approx(measured.value, rel=1e-9)
+    assert not found.doubtful.all()
+
+
 def test_a_second_peak_is_not_hidden_by_a_plateau() -> None:
     """Of |T|, which is 1 as far as the loop follows and 1.002 where it rings: no sample of the scan is above 1."""
     between = {

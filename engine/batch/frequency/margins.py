@@ -166,6 +166,7 @@ def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
     value, moved, _ = solved(path, resting, scan.frequencies[resting, 0])
     direct = path.at_the_end + 0j
     passing = everyone[(direct.real < -SMALLEST_LOOP_GAIN) & (path.delays.shape[1] == 0)]
+    doubtful = doubtful | np.isnan(direct.real)
     gains = np.concatenate([real[counts], _dual(value.real, moved.real), direct[passing]])
     return np.concatenate([rows[counts], resting, passing]), -1 / gains, doubtful
 

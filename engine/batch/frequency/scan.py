@@ -58,12 +58,14 @@ class Path:
 
     @property
     def at_the_end(self) -> Array:
-        """The response where the axis ends without delays, real, with its infinitesimals, (B,)."""
+        """The response where the axis ends without delays, real, with its infinitesimals, (B,); NaN where a pole lies there."""
         if not self.sampled:
             return self.d[:, 0, 0]
         whole = -2 * np.eye(self.a.shape[1]) - self.a
-        with np.errstate(all="ignore"):
-            return np.asarray((self.c @ np.linalg.solve(whole, self.b) + self.d)[:, 0, 0])
+        there = np.linalg.svd(whole.real, compute_uv=False)[:, -1] > _AT_NYQUIST
+        whole[~there] = np.eye(self.a.shape[1])
+        found = (self.c @ np.linalg.solve(whole, self.b) + self.d)[:, 0, 0]
+        return np.where(there, found, np.nan)
 
     @property
     def batch(self) -> int:
