@@ -17,7 +17,7 @@ from engine.elements import _pid
 from engine.elements._base import Ports, Realization, Values
 from engine.elements._limited import LIMITS
 from engine.elements._nonlinear import Mode, Moment, Pattern, Signals, first
-from engine.elements._sampler import TIMING, Array, Sampler
+from engine.elements._sampler import TIMING, Array, Limiting, Sampler
 from engine.model.errors import DiagramError
 from engine.model.parameters import Param
 
@@ -153,10 +153,25 @@ class SampledPid(Sampler):
         return {**values, "lower": None, "upper": None, "rate": None}
 
     @classmethod
-    def free(cls, before: Array, after: Array, values: Values) -> npt.NDArray[np.bool_]:
-        """Return at which samples the output wanted is within its limits, and as near to the one before as its rate lets it be."""
+    def limiting(cls, values: Values) -> Limiting | None:
+        """Return its limits, and what anti-windup makes of the integral part at them."""
+        if values["lower"] is None and values["upper"] is None and values["rate"] is None:
+            return None
         lower, upper = cls.limits(values)[0]
         reach = np.inf if values["rate"] is None else values["rate"] * values["sample_time"]
+        if values["form"] == "increment":
+            return Limiting(lower, upper, reach)
+        follows = values["anti_windup"] == "back_calculation"
+        share = values["sample_time"] / cls._tracking(values) if follows else 0.0
+        return Limiting(lower, upper, reach, integral=2, share=share, waits=values["anti_windup"] == "clamping")
+
+    @classmethod
+    def free(cls, before: Array, after: Array, values: Values) -> npt.NDArray[np.bool_]:
+        """Return at which samples the output wanted is within its limits, and as near to the one before as its rate lets it be."""
+        limits = cls.limiting(values)
+        if limits is None:
+            return super().free(before, after, values)
+        lower, upper, reach = limits[:3]
         return np.asarray((lower <= after[1]) & (after[1] <= upper) & (np.abs(after[1] - before[1]) <= reach))
 
     @classmethod

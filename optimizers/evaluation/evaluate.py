@@ -114,7 +114,7 @@ class Evaluator:
         self._screening = Screening(problem.diagram, screened_requests(problem), threads=threads)
         self._settled: dict[bytes, Assessment] = {}
         # of samplers alone nothing is told but by where they act
-        self._has_laws = problem.diagram.nonlinear and not problem.diagram.sampled_alone
+        self._has_laws = problem.diagram.nonlinear and not problem.diagram.samplers_alone
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
     @cached_property

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class SampledBatch:
-    """The batched evaluator of those metrics of a diagram that its samplers leave linear.
+    """The batched evaluator of a diagram in which samplers, with limits or without, are all that is not linear.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SampledBatch:
         self._diagram = diagram
         self._requests = tuple(requests)
         self._threads = threads or len(os.sched_getaffinity(0))
-        self._runs = runs_of(diagram, requests) if diagram.sampled_alone else []
+        self._runs = runs_of(diagram, requests) if diagram.samplers_alone else []
         self._poles: dict[int, MetricRequest] = {}
         self._loops: dict[Opening, dict[int, MetricRequest]] = {}
         for column, request in enumerate(requests if diagram.samplers_alone else ()):

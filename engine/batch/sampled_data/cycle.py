@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from engine.exact.laws.system import NonlinearSystem
-    from engine.exact.sampled_data.system import SampledSystem
+    from engine.exact.sampled_data.system import Event, Limit, SampledSystem
     from engine.model.linear_system import Array
 
 Flags = npt.NDArray[np.bool_]
@@ -65,7 +65,9 @@ class Cycle:
     flow, driven, read, direct : ndarray, shapes (B, n, n), (B, n, inputs), (B, outputs, n), (B, outputs, inputs)
         Of states scaled by powers of two; the first ``flowing`` flow, the others are moved by jumps alone.
     instants : ndarray, shape (g,)
-        Rising, within the period of ``length``, s.
+        Never falling, within the period of ``length``, s; what follows a limit at one instant stands behind it.
+    limits : tuple
+        Those behind each jump, None: none. Left out where the linear part is all that is wanted.
     jumps, entering : ndarray, shapes (B, g, n, n), (B, g, n, inputs)
         All that happens at each instant.
     widths, kinds : ndarray, shapes (K,), (g,)
@@ -81,6 +83,7 @@ class Cycle:
     direct: Array
     flowing: int
     instants: Array
+    limits: tuple[Limit | None, ...]
     jumps: Array
     entering: Array
     length: float
@@ -89,8 +92,10 @@ class Cycle:
     scale: Array
 
     @classmethod
-    def of(cls, system: SampledSystem) -> Cycle | None:
+    def of(cls, system: SampledSystem, *, limited: bool = False) -> Cycle | None:
         """Return the common period of systems of one timing; None where it is too long, or carries infinitesimals.
+
+        Its limits are left out unless it is ``limited``.
 
         Raises
         ------
@@ -102,7 +107,8 @@ class Cycle:
             return None
         events = system.events()
         length = float(system.period[0].real)
-        instants = np.array(sorted({float(event.time[0].real) for event in events}))
+        groups = _together(events, limited=limited)
+        instants = np.array([float(group[0].time[0].real) for group in groups])
         gaps = np.diff(np.append(instants, instants[0] + length))
         widths: list[float] = []
         kinds = np.zeros(len(gaps), dtype=np.int64)
@@ -116,11 +122,12 @@ class Cycle:
         flowing = int(np.argmax(moved)) if moved.any() else system.n
         scale = np.ones((system.lanes, system.n))
         scale[:, :flowing] = balance(system.flow[:, :flowing, :flowing])
-        jumps, entering = _of_instants(events, instants, system)
+        jumps, entering = _of_instants(groups, system)
         back = 1 / scale
         return cls(
             system=system, flow=back[:, :, None] * system.flow * scale[:, None], driven=back[:, :, None] * system.driven,
             read=system.read * scale[:, None], direct=system.direct, flowing=flowing, instants=instants,
+            limits=tuple(group[-1].limit if limited else None for group in groups),
             jumps=back[:, None, :, None] * jumps * scale[:, None, None], entering=back[:, None, :, None] * entering,
             length=length, widths=np.array(widths), kinds=kinds, scale=scale,
         )  # fmt: skip
@@ -199,13 +206,24 @@ def growth_of(less_one: Array, length: float) -> npt.NDArray[np.float64]:
     return np.where(np.abs(largest) <= _ON_CIRCLE, np.nan, largest / length)
 
 
-def _of_instants(events: Sequence[Any], instants: Array, system: SampledSystem) -> tuple[Array, Array]:
-    """Return all that happens at each instant, in its order: J (B, g, n, n) and K (B, g, n, inputs)."""
-    kind = np.result_type(*(part for event in events for part in (event.jump, event.entering)))
-    jumps = np.zeros((system.lanes, len(instants), system.n, system.n), dtype=kind) + np.eye(system.n)
-    entering = np.zeros((system.lanes, len(instants), system.n, len(system.inputs)), dtype=kind)
+def _together(events: Sequence[Event], *, limited: bool) -> list[list[Event]]:
+    """Return the events that make one jump, in their order: those of an instant, a limit at most behind the last of them."""
+    groups: list[list[Event]] = []
     for event in events:
-        k = int(np.searchsorted(instants, float(event.time[0].real)))
-        jumps[:, k] = event.jump @ jumps[:, k]
-        entering[:, k] = event.jump @ entering[:, k] + event.entering
+        last = groups[-1][-1] if groups else None
+        if last is None or last.time[0].real != event.time[0].real or (limited and last.limit is not None):
+            groups.append([])
+        groups[-1].append(event)
+    return groups
+
+
+def _of_instants(groups: Sequence[Sequence[Event]], system: SampledSystem) -> tuple[Array, Array]:
+    """Return what the events of each group make together: J (B, g, n, n) and K (B, g, n, inputs)."""
+    kind = np.result_type(*(part for group in groups for event in group for part in (event.jump, event.entering)))
+    jumps = np.zeros((system.lanes, len(groups), system.n, system.n), dtype=kind) + np.eye(system.n)
+    entering = np.zeros((system.lanes, len(groups), system.n, len(system.inputs)), dtype=kind)
+    for k, group in enumerate(groups):
+        for event in group:
+            jumps[:, k] = event.jump @ jumps[:, k]
+            entering[:, k] = event.jump @ entering[:, k] + event.entering
     return jumps, entering

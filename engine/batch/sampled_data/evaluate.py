@@ -104,7 +104,7 @@ def _read_of_run(
 @allocating
 def evaluate(
     flow: Series, driven: Series, seen: Series, through: Series, jumps: Series, entering: Series, rests: Series,
-    timing: Beat, plan: Plan, drive: Drive, watched: Watched, wanted: Wanted, ends: Ends, until: float, moved: Flags,
+    limits: Series, timing: Beat, plan: Plan, drive: Drive, watched: Watched, wanted: Wanted, ends: Ends, until: float, moved: Flags,
     values: Series, doubtful: Flags,
 ) -> None:  # fmt: skip
     """Enter the metrics of candidates.
@@ -115,8 +115,9 @@ def evaluate(
     jumps, entering : ndarray, shapes (B, g, n, n), (B, g, n, inputs)
     rests : ndarray, shape (B, n)
         States at rest; NaN for what is not followed.
+    limits : ndarray, shape (B, L, 4)
     timing : Beat
-        Of all; its ``jumps`` and ``entering`` are those of nobody.
+        Of all; its ``jumps``, ``entering`` and ``limits`` are those of nobody.
     until : float
         Where to stop, s; infinite: at rest.
     moved : ndarray of bool, shape (n,)
@@ -179,7 +180,7 @@ def evaluate(
             settle(plan, rows, watched, channels, rest, rests[candidate], n)
         beat = Beat(
             timing.instants, timing.widths, timing.kinds, timing.length, timing.flowing, jumps[candidate], enters, timing.rows,
-            timing.levels, timing.counts, timing.sizes,
+            timing.levels, timing.counts, timing.sizes, timing.limited, timing.bounded, limits[candidate],
         )  # fmt: skip
         fastest = max(norm_of(m, timing.flowing), drive.rate)
         unit = min(ANGLE / fastest, timing.length) if fastest > 0.0 else timing.length

@@ -38,6 +38,8 @@ _AT_REST: Final = 1e-15
 _GRAIN: Final = 1e-9
 """Of the period: instants that are nearer are one."""
 _MOST_BETWEEN: Final = 64
+_TIE: Final = 1e-12
+"""Of the output: nearer to a limit, rounding tells whether that acts."""
 
 
 class Beat(NamedTuple):
@@ -45,7 +47,9 @@ class Beat(NamedTuple):
 
     ``jumps`` (g, n, n), ``entering`` (g, n, w) what the command's states enter by, ``rows`` (g, n + 1) which states jump, ended by -1.
     ``levels`` (K,) tells how many levels of pieces a width takes: 0 for even ones, of which there are ``counts`` (K,). ``sizes`` (K, LEVELS)
-    is how many coefficients of a piece are not rounding.
+    is how many coefficients of a piece are not rounding. ``limited`` (g,) tells which limit follows a jump, -1: none, of those of which
+    ``bounded`` (L, 4) has the rows of the output computed, of the output and of the integral part that follow at once (-1: none), and
+    whether that waits; ``limits`` (L, 4) are the least, the greatest, the furthest in a sample, and the share of the integral part.
     """
 
     instants: Real
@@ -59,6 +63,9 @@ class Beat(NamedTuple):
     levels: Whole
     counts: Whole
     sizes: Whole
+    limited: Whole
+    bounded: Whole
+    limits: Series
 
 
 @compiled
@@ -151,7 +158,8 @@ def follow(
             if following <= now + grain:
                 if resting and instant == 0 and _still(pieces, n):
                     break
-                _jump(beat, instant, pieces)
+                if not _jump(beat, instant, pieces, rest_x, resting):
+                    return -1
                 instant += 1
                 if instant == beat.instants.shape[0]:
                     turn, instant = turn + 1, 0
@@ -211,9 +219,9 @@ def _stands(pieces: Pieces, rest_y: Series, finish: float) -> bool:
 
 
 @compiled
-def _jump(beat: Beat, instant: int, pieces: Pieces) -> None:
-    """Let the states jump."""
-    jump, entering, z = beat.jumps[instant], beat.entering[instant], pieces.state
+def _jump(beat: Beat, instant: int, pieces: Pieces, rest_x: Series, resting: bool) -> bool:
+    """Let the states jump; whether it is clear what a limit makes of them."""
+    jump, entering, z, limit = beat.jumps[instant], beat.entering[instant], pieces.state, beat.limited[instant]
     n, extra = jump.shape[0], entering.shape[1]
     k = 0
     while beat.rows[instant, k] >= 0:
@@ -225,8 +233,43 @@ def _jump(beat: Beat, instant: int, pieces: Pieces) -> None:
             total = total + entering[i, j] * z[n + j]
         pieces.other[k] = total
         k += 1
+    before, taken = 0.0 * z[0], 0.0 * z[0]
+    if limit >= 0:
+        before, taken = z[beat.bounded[limit, 0]], z[beat.bounded[limit, 2]]
     for place in range(k):
         z[beat.rows[instant, place]] = pieces.other[place]
+    return limit < 0 or _bound(beat.bounded[limit], beat.limits[limit], z, before, taken, rest_x, resting)
+
+
+@compiled
+def _bound(rows: Whole, limits: Series, z: Series, before: Any, taken: Any, rest_x: Series, resting: bool) -> bool:
+    """Let a limit act on the states ``z`` behind a jump, ``before`` which these were its output and its integral part."""
+    computed, output, integral, waits = rows
+    asked = z[computed]
+    offset = rest_x[computed] if resting else 0.0 * asked
+    found, side, near = asked, 0.0, math.inf
+    for which in range(4):  # how far it gets, then how far it may
+        sign = 1.0 if which % 2 == 0 else -1.0
+        limit = before + sign * limits[2]
+        if which >= 2:
+            limit = (limits[1] if which == 2 else limits[0]) - offset
+        near = min(near, abs((asked - limit).real))
+        if sign * (found - limit).real > 0.0:
+            found, side = limit, sign
+    z[computed] = found
+    if output >= 0:
+        z[output] = found
+    if integral < 0:
+        return True
+    change = z[integral] - taken
+    if waits:
+        if side * change.real > 0.0:
+            z[integral] = taken
+        # whether it waits tells by how much the next output differs
+        size = abs(asked.real) + abs(offset.real) + abs(before.real)
+        return bool(change.real == 0.0 or near > _TIE * size)
+    z[integral] = z[integral] + limits[3] * (found - asked)
+    return True
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Metrics of responses to any command for many candidates whose only laws are samplers without limits."""
+"""Metrics of responses to any command for many candidates whose only laws are samplers, with limits or without."""
 
 from __future__ import annotations
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from engine.model.linear_system import Array
 
 _MOST_STATES: Final = 64
+_INSIDE: Final = 1e-9
+"""Of where it rests: what is nearer to a limit may rest at it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,20 +81,20 @@ def follow_run(
     inputs, outputs = run.requests.inputs, sorted(set(run.requests.outputs))
     groups: dict[bytes, tuple[Array, list[int]]] = {}
     for output in outputs:
-        kept = np.flatnonzero(system.lying_between(inputs, [output]))
+        kept = np.flatnonzero(system.lying_between(inputs, [output], limited=True))
         groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
     for states, own in groups.values():
         part = system.part(states).between(inputs, own)
         if not 0 < part.n <= _MOST_STATES or not part.samplings:
             continue
-        cycle = Cycle.of(part)
+        cycle = Cycle.of(part, limited=True)
         if cycle is None:
             continue
         growth = cycle.growth
-        found.growth[members] = np.fmax(found.growth[members], growth)
         requests = run.requests.of(own)
-        columns = np.array(requests.columns)
-        found.doubtful[np.ix_(members[growth >= 0], columns)] = False
+        if not part.limited:  # which may hold what runs away
+            found.growth[members] = np.fmax(found.growth[members], growth)
+            found.doubtful[np.ix_(members[growth >= 0], np.array(requests.columns))] = False
         stable = np.flatnonzero(growth < 0)
         if stable.size:
             _follow(run, requests, diagram, cycle, members, stable, found, threads)
@@ -112,20 +114,27 @@ def _follow(
     final = plan.states[plan.last] if plan.last >= 0 else np.zeros(drive.flow.shape[0])
     rests = np.full((len(cycle.flow), cycle.flow.shape[1]), np.nan, dtype=np.result_type(cycle.flow, cycle.jumps))
     rests[stable] = cycle.rest(stable, drive.drive @ final)
-    kind = np.result_type(cycle.flow, cycle.jumps, cycle.driven, cycle.entering, cycle.read, cycle.direct, found.values)
+    limits, bounded = _limits(cycle)
+    for own, row in zip(limits.swapaxes(0, 1), bounded, strict=True):
+        still = rests[:, row[0]].real
+        reach = _INSIDE * np.abs(still)
+        rests[~((own[:, 0].real < still - reach) & (still + reach < own[:, 1].real))] = np.nan
+    kind = np.result_type(
+        cycle.flow, cycle.jumps, cycle.driven, cycle.entering, cycle.read, cycle.direct, limits, found.values
+    )
     arrays = [
         np.ascontiguousarray(part[stable], dtype=kind)
-        for part in (cycle.flow, cycle.driven, cycle.read, cycle.direct, cycle.jumps, cycle.entering, rests)
+        for part in (cycle.flow, cycle.driven, cycle.read, cycle.direct, cycle.jumps, cycle.entering, rests, limits)
     ]
     ends = _ends(requests, watched, wanted, command.last, endless=plan.last < 0)
-    timing = _timing(cycle, kind)
+    timing = _timing(cycle, bounded, kind)
     values = np.full((len(stable), len(requests.columns)), np.nan, dtype=kind)
     doubtful = np.ones(values.shape, dtype=bool)
 
     def work(span: slice) -> None:
-        flow, driven, read, direct, jumps, entering, rest = (part[span] for part in arrays)
+        flow, driven, read, direct, jumps, entering, rest, limits = (part[span] for part in arrays)
         evaluate(
-            flow, driven, read, direct, jumps, entering, rest, timing, plan, drive, watched, wanted, ends, until,
+            flow, driven, read, direct, jumps, entering, rest, limits, timing, plan, drive, watched, wanted, ends, until,
             cycle.moved, values[span], doubtful[span],
         )  # fmt: skip
 
@@ -151,7 +160,19 @@ def _ends(requests: ResponseRequests, watched: Watched, wanted: Wanted, last: fl
     return Ends(np.array(plain, np.int64), relative, refused, last)
 
 
-def _timing(cycle: Cycle, kind: npt.DTypeLike) -> Beat:
+def _limits(cycle: Cycle) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Return the limits of a cycle in their order, (B, L, 4), with the rows that they act on, (L, 4), as `Beat` has them."""
+    own = [limit for limit in cycle.limits if limit is not None]
+    bounds = [np.stack([each.lower, each.upper, each.reach, each.share], axis=1) for each in own]
+    rows = [
+        [each.computed, *(-1 if row is None else row for row in (each.output, each.integral)), each.waits]
+        for each in own
+    ]
+    limits = np.stack(bounds, axis=1) if own else np.zeros((len(cycle.flow), 0, 4))
+    return limits, np.array(rows, dtype=np.int64).reshape(-1, 4)
+
+
+def _timing(cycle: Cycle, bounded: npt.NDArray[np.int64], kind: npt.DTypeLike) -> Beat:
     """Return the timing of all members of a cycle."""
     g, n = cycle.jumps.shape[1:3]
     rows = np.full((g, n + 1), -1, dtype=np.int64)
@@ -162,8 +183,9 @@ def _timing(cycle: Cycle, kind: npt.DTypeLike) -> Beat:
         own = np.flatnonzero(acts)
         rows[instant, : len(own)] = own
     nothing = np.zeros((g, n, 0), dtype=kind)
-    widths = len(cycle.widths)
+    widths, present = len(cycle.widths), np.array([limit is not None for limit in cycle.limits])
     return Beat(
         cycle.instants, cycle.widths, cycle.kinds, cycle.length, cycle.flowing, np.zeros((g, n, n), dtype=kind), nothing, rows,
         np.zeros(widths, dtype=np.int64), np.zeros(widths, dtype=np.int64), np.zeros((widths, LEVELS), dtype=np.int64),
+        np.where(present, np.cumsum(present) - 1, -1), bounded, np.zeros((len(bounded), 4), dtype=kind),
     )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.elements._nonlinear import Moment, stacked
 from engine.elements._sampler import Sampler
-from engine.exact.sampled_data.system import Sampling
+from engine.exact.sampled_data.system import Limit, Sampling
 
 if TYPE_CHECKING:
     from engine.exact.laws.laws import Law
@@ -93,6 +93,22 @@ def sampling(law: Law, number: int, lanes: int, sees: Array, follows: Array) -> 
     return Sampling(
         label=law.label, number=number, period=times(period, lanes), delay=delay,
         offset=times(element.offset(law.values), lanes), taken=taken, entering=entering, updated=updated,
+        limit=_limit(law, lanes),
+    )  # fmt: skip
+
+
+def _limit(law: Law, lanes: int) -> Limit | None:
+    """Return what limits a sampler in its place."""
+    assert issubclass(law.element, Sampler)
+    own = law.element.limiting(law.values)
+    if own is None:
+        return None
+    first = law.states.start
+    late = np.any(times(law.element.latency(law.values), lanes))
+    return Limit(
+        computed=first + 1, output=None if late else first, integral=None if own.integral is None else first + own.integral,
+        lower=times(own.lower, lanes), upper=times(own.upper, lanes), reach=times(own.reach, lanes),
+        share=times(own.share, lanes), waits=own.waits,
     )  # fmt: skip
 
 

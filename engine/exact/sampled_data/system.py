@@ -37,13 +37,42 @@ _DIRECT: Final = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Limit:
+    """What a sample makes of an output that its linear part makes v; rows are those of the joint state, None: there is none such.
+
+    u = min(max(v, lower), upper), no further than ``reach`` from the u before. It stands in the row ``computed``, and ``output`` where
+    that follows at once. The row ``integral`` keeps its value where it ``waits`` and what it takes drives v further beyond; else
+    it takes ``share`` (u - v) besides. All values have the shape (lanes,), infinite: no such limit.
+    """
+
+    computed: int
+    output: int | None
+    integral: int | None
+    lower: Array
+    upper: Array
+    reach: Array
+    share: Array
+    waits: bool
+
+    def part(self, states: npt.NDArray[Any]) -> Limit | None:
+        """Return the limit among these states alone; None where its output is not among them."""
+        place = {int(state): k for k, state in enumerate(states)}
+        if self.computed not in place:
+            return None
+        others = (None if row is None else place.get(row) for row in (self.output, self.integral))
+        output, integral = others
+        return replace(self, computed=place[self.computed], output=output, integral=integral)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Sampling:
     """One sampler: its times (s), each of shape (lanes,), and how its events move the joint state.
 
     ``taken`` (lanes, N, N) with ``entering`` (lanes, N, inputs) is a sample, ``updated`` (lanes, N, N) the output that follows
     it after the delay, None where there is none. ``number`` tells it from the others in the order of the document; of those
     that act together the lower ``turn`` comes first: what arrives, samples, what takes account of both. ``sampler`` is False
-    where it only tells what is under way in a delay, ``piece`` True where that flows.
+    where it only tells what is under way in a delay, ``piece`` True where that flows. A ``limit`` is no part of the linear system:
+    it acts behind the jump of a sample.
     """
 
     label: str
@@ -57,6 +86,7 @@ class Sampling:
     turn: int = 1
     sampler: bool = True
     piece: bool = False
+    limit: Limit | None = None
 
     @cached_property
     def pattern(self) -> npt.NDArray[np.bool_]:
@@ -73,11 +103,12 @@ class Sampling:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Event:
-    """An instant within the common period, s, (lanes,), with the jump there: ξ -> ``jump`` ξ + ``entering`` u."""
+    """An instant within the common period, s, (lanes,), with the jump there: ξ -> ``jump`` ξ + ``entering`` u, then a ``limit``."""
 
     time: Array
     jump: Array
     entering: Array
+    limit: Limit | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,6 +147,7 @@ class SampledSystem:
             replace(
                 s, taken=s.taken[:, x][:, :, x], entering=s.entering[:, x],
                 updated=None if s.updated is None else s.updated[:, x][:, :, x],
+                limit=None if s.limit is None else s.limit.part(x),
             )
             for s in self.samplings
             if s.moved[x].any()
@@ -148,9 +180,15 @@ class SampledSystem:
         """Return the part of the system that lies between an input and an output, with these two alone."""
         return self.part(np.flatnonzero(self.lying_between([source], [target]))).between([source], [target])
 
-    def lying_between(self, sources: Sequence[int], targets: Sequence[int]) -> npt.NDArray[np.bool_]:
-        """Return which states lie between some inputs and some outputs, (N,)."""
+    def lying_between(
+        self, sources: Sequence[int], targets: Sequence[int], *, limited: bool = False
+    ) -> npt.NDArray[np.bool_]:
+        """Return which states lie between some inputs and some outputs, (N,), its limits left out unless it is ``limited``."""
         acts = self.pattern
+        for limit in [s.limit for s in self.samplings if limited and s.limit is not None]:
+            rows = [row for row in (limit.output, limit.integral) if row is not None]
+            acts = acts.copy()
+            acts[rows, limit.computed] = True
         entered = np.any(self.driven[:, :, sources] != 0, axis=(0, 2))
         for sampling in self.samplings:
             entered |= np.any(sampling.entering[:, :, sources] != 0, axis=(0, 2))
@@ -171,6 +209,11 @@ class SampledSystem:
         back = self.read[:, -1:] / (1 - direct)[:, None, None]
         own = [replace(s, taken=s.taken + s.entering[:, :, -1:] @ back) for s in self.samplings]
         return replace(self, flow=self.flow + self.driven[:, :, -1:] @ back, samplings=tuple(own))
+
+    @property
+    def limited(self) -> bool:
+        """Whether one of its samplers has a limit."""
+        return any(sampling.limit is not None for sampling in self.samplings)
 
     @property
     def sampled(self) -> bool:
@@ -256,7 +299,13 @@ class SampledSystem:
             for k in range(turns):
                 at = wrapped(sampling.offset + k * sampling.period, period)
                 rank = (float(sampling.turn), -_length(sampling), float(sampling.number), 0.0)
-                listed.append((_real(at), rank, Event(time=at, jump=sampling.taken, entering=sampling.entering)))
+                listed.append(
+                    (
+                        _real(at),
+                        rank,
+                        Event(time=at, jump=sampling.taken, entering=sampling.entering, limit=sampling.limit),
+                    )
+                )
                 if sampling.updated is not None:
                     at = wrapped(at + sampling.delay, period)
                     later = (0.0,) if _real(sampling.delay) else (*rank[:3], 1.0)
