@@ -72,7 +72,7 @@ class VariableDocument(Document):
     scale: Literal["linear", "log"] | None = None
     start: Quantity | None = None
     choices: list[Quantity] | None = Field(
-        default=None, min_length=1, max_length=10_000, description="the only values allowed, those of a catalogue say"
+        default=None, min_length=2, max_length=10_000, description="the only values allowed, those of a catalogue say"
     )
     integer: bool = Field(default=False, description="whole numbers between the bounds only")
     expression: str | None = Field(

@@ -1,6 +1,6 @@
 """Four-way spool valve: flow through sharp-edged orifices, with the spool's ends and overlap.
 
-Q = C_d w o sqrt(2 Δp/ρ),   o = spool beyond its overlap, at most its stroke;   Q ~ Δp for Δp below p_l
+Q = C_d w o sqrt(2 Δp/ρ),   o = min(|x_s|, x_max) - x_0, shut below 0;   Q ~ Δp for Δp below p_l
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class OrificeValve(NonlinearElement):
 
     kind = "orifice_valve"
     title = "Spool valve with orifice flow"
-    equation = "Q = C_d w o Δp sqrt(2/ρ)/(Δp² + p_l²)^(1/4), o = the spool beyond its overlap, at most its stroke"
+    equation = "Q = C_d w o Δp sqrt(2/ρ)/(Δp² + p_l²)^(1/4);  o = min(|x_s|, x_max) - x_0, 0 where that is negative"
     source = "H. E. Merritt, Hydraulic Control Systems, Wiley 1967, chapters 3 and 5."
     modes = (-2, -1, 0, 1, 2)
     parameters = (

@@ -40,6 +40,7 @@ class PneumaticCylinder(NonlinearElement):
     title = "Pneumatic cylinder with valve"
     equation = (
         "V p' = κ (R T_in m'_in - R T m'_out - p V');  m' = C ρ_0 p_1 sqrt(T_0/T_1) ψ(p_2/p_1);  "
+        "ψ(r) = 1 (r <= b), sqrt(1 - ((r - b)/(1 - b))²) (b < r <= 0.99), ψ(0.99) (1 - r)/0.01 (r > 0.99);  "
         "m v' = A_a p_a - A_b p_b - (A_a - A_b) p_0 - b_v v - F;  "
         "air: R = 287.05 J/(kg K), ρ_0 = 1.185 kg/m³ at T_0 = 293.15 K"
     )

@@ -122,14 +122,14 @@ class Comparison:
         part = self._part
         errors = (self.measured - answer.values)[:, part] * self._weight[:, None]
         moves = answer.slopes[:, :, part]
-        basis = self._basis(answer)
+        basis = self.basis(answer)
         if answer.free is not None:
             nuisance = self._solved(basis, errors)[len(self.measured) if self._offsets else 0 :]
             moves = moves + slopes(answer.free[:, :, part] @ nuisance)
         moves = -moves * (slope[:, None, None] * self._weight[:, None])
         residuals, jacobian = errors.ravel(), moves.reshape(len(moves), -1).T
         if basis is not None:
-            q = basis / np.linalg.norm(basis, axis=0) if answer.free is None else _orthonormal(basis)
+            q = basis / np.linalg.norm(basis, axis=0) if answer.free is None else orthonormal(basis)
             residuals = residuals - q @ (q.T @ residuals)
             left = jacobian - q @ (q.T @ jacobian)
             # what only moves a constant or a free motion that is free anyway would lead a search astray by its rounding
@@ -140,7 +140,7 @@ class Comparison:
     def nuisance(self, answer: Answer, deviation: Samples) -> Nuisance:
         """Return the constants and the state that fit best."""
         errors = (self.measured - answer.values)[:, self._part] * self._weight[:, None]
-        found = self._solved(self._basis(answer), errors)
+        found = self._solved(self.basis(answer), errors)
         outputs = len(self.measured) if self._offsets else 0
         state = found[outputs:] if answer.free is not None else deviation
         return Nuisance(offsets=found[:outputs], state=state)
@@ -152,8 +152,8 @@ class Comparison:
             values = values + answer.free[0].real @ nuisance.state
         return values + nuisance.offsets[:, None] if nuisance.offsets.size else values
 
-    def _basis(self, answer: Answer) -> Samples | None:
-        """Return weighted constants and free motions as columns."""
+    def basis(self, answer: Answer) -> Samples | None:
+        """Return weighted constants and free motions as columns; None where there are none."""
         outputs, samples = len(self.measured), self._part.stop - self._part.start
         columns = []
         if self._offsets:
@@ -173,7 +173,7 @@ class Comparison:
         return np.asarray(np.linalg.lstsq(basis / scale, errors.ravel(), rcond=_UNSEEN)[0] / scale)
 
 
-def _orthonormal(basis: Samples) -> Samples:
+def orthonormal(basis: Samples) -> Samples:
     """Return columns that span the same."""
     scale = np.linalg.norm(basis, axis=0)
     left, strength, _ = np.linalg.svd(basis / np.where(scale == 0, 1.0, scale), full_matrices=False)

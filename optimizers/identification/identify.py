@@ -15,6 +15,7 @@ from optimizers.estimation.confidence import correlations, covariance
 from optimizers.estimation.noise import fitted
 from optimizers.identification import words
 from optimizers.identification.answers import Answer, Samples
+from optimizers.identification.beginning import begun_moving
 from optimizers.identification.comparison import Comparison, Nuisance
 from optimizers.identification.doubts import as_likely, doubted_responses, doubts, undecided
 from optimizers.identification.plausible import Pairs, implausible, joined
@@ -84,6 +85,7 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
             *(sentence for e in problem.experiments for sentence in doubted_data(e)),
             *doubted,
             *(sentence for one in shown for sentence in one.apart()),
+            *(() if found is None else begun_moving(problem, search.values(x), search.comparisons)),
             *doubts(judged, [tuple(e.recording.inputs) for e in _seen(search, shown)]),
             *doubted_responses(problem.frequency, responses),
             *undecided(tried, estimates),

@@ -22,8 +22,10 @@ from tests.support.patience import PATIENCE
 ROOT = Path(__file__).parents[2]
 KEY = "a-key-for-the-browser-tests"
 PAGES = ROOT / "api" / "static"
-#: The distribution's browser: nothing is downloaded.
-CHROMIUM = os.environ.get("SERVOTUNE_TEST_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+#: The distribution's browser: nothing is downloaded. The one without a window of its own takes a sixth of the time for a page.
+CHROMIUM = os.environ.get("SERVOTUNE_TEST_CHROMIUM") or next(
+    filter(None, map(shutil.which, ("chromium-headless-shell", "chromium", "chromium-browser"))), None
+)
 _ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
@@ -87,7 +89,9 @@ def running(folder: Path) -> Iterator[Running]:
 
 
 def launched(playwright: Playwright) -> Browser:
-    assert CHROMIUM is not None, "chromium must be installed (Debian: apt-get install chromium), got none"
+    assert CHROMIUM is not None, (
+        "chromium must be installed (Debian: apt-get install chromium-headless-shell), got none"
+    )
     return playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS)
 
 
