@@ -1,7 +1,7 @@
 """What is wrong with recorded samples themselves, or poor in them, whatever model is fitted to them: sentences for `warnings`.
 
 clipping     an extreme that is kept for samples, arrived at steeply (:mod:`engine.recordings.signal_quality`)
-outliers     samples whose error lies apart from the median of the five around them, alone
+outliers     samples whose error lies apart from the median of the four around them, alone
 feedback     an input that its own past foretells badly, but with the output's past and present exactly
 excitation   an input that moves once, or by one sine: what then cannot be known, in numbers
 
@@ -119,9 +119,13 @@ def outliers(errors: Samples, spread: float) -> npt.NDArray[np.int64]:
 
 
 def _from_around(signal: Samples) -> Samples:
-    """Return how far each sample is from the median of the five around it."""
+    """Return how far each sample is from the median of the four around it.
+
+    Without itself: where a signal mostly rises or falls it is the median of five, and any turn would be far from that.
+    """
     padded = np.concatenate([signal[[0, 0]], signal, signal[[-1, -1]]])
-    return np.asarray(np.abs(signal - np.median(np.stack([padded[k : k + signal.size] for k in range(5)]), axis=0)))
+    around = [padded[k : k + signal.size] for k in (0, 1, 3, 4)]
+    return np.asarray(np.abs(signal - np.median(np.stack(around), axis=0)))
 
 
 def made_by(u: Samples, y: Samples) -> bool:

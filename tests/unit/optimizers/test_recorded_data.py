@@ -13,7 +13,7 @@ from engine.model.between_samples import BetweenSamples
 from optimizers.black_box import black_box
 from optimizers.identification import Identified, identify
 from optimizers.problem import Variable
-from optimizers.recorded.recorded_data import doubted_data, made_by, one_step
+from optimizers.recorded.recorded_data import doubted_data, made_by, one_step, outliers
 from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 
 H, COUNT = 0.01, 3000
@@ -93,6 +93,21 @@ def test_each_kind_of_bad_data_is_said():
     assert said(found_by(LEVELS, 1e3 * clean), "mm taken for m: 1000")
     assert said(found_by(LEVELS, 1e-3 * clean), "mm taken for m: 1000")
     assert said(found_by(LEVELS, clean * math.pi / 30, k=2.0), "1/min taken for rad/s, or the reverse: 9.549")
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.5, 0.9, 0.99])
+def test_noise_of_any_colour_has_no_outliers_and_hides_few(colour):
+    false, found = 0, 0
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        noise = lfilter([np.sqrt(1 - colour**2)], [1.0, -colour], random.normal(size=COUNT))
+        noise = lfilter([0.3, 0.4, 0.3], [1.0], noise) if seed % 2 else noise
+        false += outliers(noise, 5.0).size > 0
+        apart = 50 + 400 * np.arange(7)
+        noise[apart] += 15.0 * random.choice([-1.0, 1.0], size=7)
+        found += np.isin(apart, outliers(noise, 5.0)).sum()
+    assert false == 0
+    assert found >= 0.97 * 7 * 40
 
 
 def test_one_step_tells_no_more_than_its_spectrum():
