@@ -25,7 +25,7 @@ from engine.batch.linear.responses import Responses
 from engine.batch.linear.spans import FOLLOWED
 from engine.batch.linear.spectra import Spectra
 from engine.batch.nonlinear.batch import MARCHED, NonlinearBatch
-from engine.batch.sampled_data.batch import SampledBatch
+from engine.batch.sampled_data.batch import SampledBatch, at_samples_alone
 from engine.batch.sampled_data.loops import SCANNED
 from engine.batch.screened import Screened
 from engine.model.errors import EngineError
@@ -62,7 +62,7 @@ class Screening:
         self._batches: dict[tuple[str, ...], Batch | None] = {}
         self._marches: dict[tuple[str, ...], NonlinearBatch | None] = {}
         self._scans: dict[tuple[int, ...], FrequencyBatch] = {}
-        self._sampled = SampledBatch(diagram, requests, threads=threads) if diagram.samplers_alone else None
+        self._sampled = SampledBatch(diagram, requests, threads=threads) if at_samples_alone(diagram) else None
 
     def compiled(self, parameters: Sequence[str]) -> bool:
         """Return whether compiled kernels answer every request, for these parameters varied."""

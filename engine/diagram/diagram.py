@@ -375,15 +375,19 @@ class Diagram:
         return self._laws.cut_out(self._samplers, realizations, values, self.wiring(open_at))
 
     def sampled_members(
-        self, overrides: Mapping[str, npt.NDArray[Any]], open_at: Opening | None = None
+        self, overrides: Mapping[str, npt.NDArray[Any]], open_at: Opening | None = None, *, linearized: bool = True
     ) -> tuple[NonlinearSystem, npt.NDArray[np.bool_]]:
-        """Return the same for a batch as in `realize_stack`, which tells what is raised, too, and which members exist, (B,)."""
+        """Return the same for a batch as in `realize_stack`, which tells what is raised, too, and which members exist, (B,).
+
+        Unless it is ``linearized``, other nonlinear blocks are laws beside the samplers.
+        """
         batch = {path: np.asarray(value) for path, value in overrides.items()}
         with np.errstate(all="ignore"):
             realizations, values, admitted = self._blocks.changed_members(batch, len(next(iter(batch.values()))))
-            if not self.samplers_alone:
+            if linearized and not self.samplers_alone:
                 realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
-            system = self._laws.cut_out(self._samplers, realizations, values, self.wiring(open_at), admitted)
+            channels = self._samplers if linearized else self._channels
+            system = self._laws.cut_out(channels, realizations, values, self.wiring(open_at), admitted)
         return system, admitted
 
     def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._base import Array, Element, Ports, Realization, Values
+from engine.elements._limiting import Limiting
 from engine.model.parameters import Scalar
 
 Mode = int
@@ -118,6 +119,11 @@ class NonlinearElement(Element):
     def limits(cls, values: Values) -> Sequence[tuple[Any, Any]]:
         """Return (least, greatest) of each output, for outputs that never leave them; none by default."""
         return ()
+
+    @classmethod
+    def limiting(cls, values: Values) -> Limiting | None:
+        """Return what is made of the output of its linear part, of a sampler, or of the only input of a law without memory; None: nothing such."""
+        return None
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:

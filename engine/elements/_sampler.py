@@ -5,7 +5,7 @@ y(t) = x_0(k)   for   t_k + delay <= t < t_(k+1) + delay,   t_k = offset + k T, 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,21 +31,6 @@ TIMING = (
         doc="instant of the first sample, less than the sample time: samplers of one rate need not act together",
     ),
 )  # fmt: skip
-
-
-class Limiting(NamedTuple):
-    """What a sample makes of the output that its linear part computes, v.
-
-    u = min(max(v, lower), upper), no further than ``reach`` from the u before. The state number ``integral`` (None: none) keeps its value
-    where it ``waits`` and what it takes drives v further beyond; else it takes ``share`` (u - v) besides.
-    """
-
-    lower: Any
-    upper: Any
-    reach: Any
-    integral: int | None = None
-    share: Any = 0.0
-    waits: bool = False
 
 
 class Sampler(NonlinearElement):
@@ -113,11 +98,6 @@ class Sampler(NonlinearElement):
     def linear(cls, values: Values) -> bool:
         """Return whether the law has nothing but its linear part."""
         return cls.limiting(values) is None
-
-    @classmethod
-    def limiting(cls, values: Values) -> Limiting | None:
-        """Return what its limits make of the output of its linear part; None where it has nothing but that."""
-        return None
 
     @classmethod
     def free(cls, before: Array, after: Array, values: Values) -> npt.NDArray[np.bool_]:

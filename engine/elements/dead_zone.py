@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from engine.elements._base import Array, Values
 from engine.elements._fundamental import limited
+from engine.elements._limiting import Limiting, Shape
 from engine.elements._nonlinear import Mode, Moment, Signals
 from engine.elements._three_zones import ThreeZones
 from engine.model.errors import DiagramError
@@ -41,6 +42,11 @@ class DeadZone(ThreeZones):
         if mode == 0:
             return [0.0 * m.z[0]]
         return [m.z[0] - (values["upper"] if mode > 0 else values["lower"])]
+
+    @classmethod
+    def limiting(cls, values: Values) -> Limiting:
+        """Return what is beyond the edges."""
+        return Limiting(values["lower"], values["upper"], shape=Shape.BEYOND)
 
     @classmethod
     def describing_function(cls, amplitude: Array, values: Values) -> Array | None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from engine.elements._base import Array, Ports, Realization, Values, matrix
+from engine.elements._limiting import Limiting, Shape
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
 from engine.model.parameters import Param
 
@@ -58,6 +59,11 @@ class Quantizer(NonlinearElement):
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the level; what is held on an edge."""
         return [values["step"] * (mode // 2)]
+
+    @classmethod
+    def limiting(cls, values: Values) -> Limiting:
+        """Return the nearest level."""
+        return Limiting(values["step"], values["step"], shape=Shape.LEVELS)
 
     @classmethod
     def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:

@@ -16,8 +16,9 @@ import numpy.typing as npt
 from engine.elements import _pid
 from engine.elements._base import Ports, Realization, Values
 from engine.elements._limited import LIMITS
+from engine.elements._limiting import Limiting, Shape
 from engine.elements._nonlinear import Mode, Moment, Pattern, Signals, first
-from engine.elements._sampler import TIMING, Array, Limiting, Sampler
+from engine.elements._sampler import TIMING, Array, Sampler
 from engine.model.errors import DiagramError
 from engine.model.parameters import Param
 
@@ -162,8 +163,9 @@ class SampledPid(Sampler):
         if values["form"] == "increment":
             return Limiting(lower, upper, reach)
         follows = values["anti_windup"] == "back_calculation"
+        shape = Shape.WAITING if values["anti_windup"] == "clamping" else Shape.WITHIN
         share = values["sample_time"] / cls._tracking(values) if follows else 0.0
-        return Limiting(lower, upper, reach, integral=2, share=share, waits=values["anti_windup"] == "clamping")
+        return Limiting(lower, upper, reach, integral=2, share=share, shape=shape)
 
     @classmethod
     def free(cls, before: Array, after: Array, values: Values) -> npt.NDArray[np.bool_]:

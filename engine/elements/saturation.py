@@ -10,6 +10,7 @@ from typing import Any
 
 from engine.elements._base import Array, Values
 from engine.elements._fundamental import limited
+from engine.elements._limiting import Limiting
 from engine.elements._nonlinear import Mode, Moment, Signals
 from engine.elements._three_zones import ThreeZones
 from engine.model.errors import DiagramError
@@ -48,6 +49,11 @@ class Saturation(ThreeZones):
     def limits(cls, values: Values) -> Sequence[tuple[Any, Any]]:
         """Return the limits."""
         return [(values["lower"], values["upper"])]
+
+    @classmethod
+    def limiting(cls, values: Values) -> Limiting:
+        """Return the limits."""
+        return Limiting(values["lower"], values["upper"])
 
     @classmethod
     def describing_function(cls, amplitude: Array, values: Values) -> Array | None:

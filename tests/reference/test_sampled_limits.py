@@ -14,6 +14,7 @@ import pytest
 
 from engine.analysis.measuring import MetricRequest, measure
 from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
 from tests.reference.test_sampled_batches import FILTER, LATER, MOVE, PERIOD, STEP, held, loop
 
 GAINS: Mapping[str, tuple[float, ...]] = {
@@ -142,22 +143,35 @@ def test_slopes(name: str) -> None:
         assert found.values[lane, 0].imag / 1e-30 == pytest.approx(expected, rel=1e-4, abs=1e-9)
 
 
-def test_what_rests_at_a_limit_is_left_to_the_exact_path() -> None:
-    """The motor's torque holds the load at 1.5 where the limit is 1.2."""
-    diagram = loop(lower=-1.2, upper=1.2, denominator=(0.05, 1.0, 1.5))
-    asked = [MetricRequest(metric="peak", signals=STEP, output="y", duration=0.5)]
-    found = Screening(diagram, asked)({"pid.kp": np.array([9.0])})
-    assert found.doubtful.all()
-    assert not found.growth[0] >= 0
+METRICS = ("peak", "ise", "overshoot", "settling_time", "steady_state_error")
 
 
-def test_a_loop_that_its_limits_bound_is_not_called_unstable() -> None:
-    """Its linear part runs away; what it does is told by the exact path."""
-    diagram = loop(lower=-12.0, upper=12.0)
-    asked = [MetricRequest(metric="peak", signals=STEP, output="y", duration=0.5)]
-    found = Screening(diagram, asked)({"pid.kp": np.array([300.0])})
-    assert found.doubtful.all()
+def assert_exact(diagram: Diagram, kp: float, doubtful: list[bool]) -> None:
+    asked = [MetricRequest(metric=metric, signals=STEP, output="y", duration=0.5) for metric in METRICS]
+    found = Screening(diagram, asked)({"pid.kp": np.array([kp])})
     assert not found.growth[0] >= 0
+    assert found.doubtful[0].tolist() == doubtful
+    exact = measure(diagram, asked, overrides={"pid.kp": kp})
+    for value, (measured, _), unknown in zip(found.values[0], exact, doubtful, strict=True):
+        if not unknown and measured.value is None:
+            assert np.isnan(value)
+        elif not unknown:
+            assert value == pytest.approx(measured.value, rel=1e-9)
+    endless = [MetricRequest(metric="overshoot", signals=STEP, output="y")]
+    assert Screening(diagram, endless)({"pid.kp": np.array([kp])}).doubtful.all()
+
+
+def test_of_what_rests_at_a_limit_nobody_says_where() -> None:
+    """The load is held by 1.5 where the limit is 1.2: the exact path has what looks at the end."""
+    assert_exact(
+        loop(lower=-1.2, upper=1.2, denominator=(0.05, 1.0, 1.5)),
+        9.0,
+        [metric not in {"peak", "ise"} for metric in METRICS],
+    )
+
+
+def test_what_runs_away_but_for_its_limits_is_followed() -> None:
+    assert_exact(loop(lower=-12.0, upper=12.0), 300.0, [False] * 5)
 
 
 def test_numbers_do_not_depend_on_who_stands_beside() -> None:

@@ -1,4 +1,4 @@
-"""Fast metrics of many candidates of a diagram in which samplers are all that is not linear."""
+"""Fast metrics of many candidates of a diagram that is nonlinear at the instants of its samplers alone."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from engine.batch.sampled_data.loops import measure_loops
 from engine.batch.sampled_data.responses import follow_run, runs_of
 from engine.batch.screened import Screened
 from engine.exact.sampled_data.build import sampled_system
+from engine.exact.sampled_data.followers import turns, with_outputs
 from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class SampledBatch:
-    """The batched evaluator of a diagram in which samplers, with limits or without, are all that is not linear.
+    """The batched evaluator of a sampled diagram.
 
     Parameters
     ----------
@@ -45,10 +46,10 @@ class SampledBatch:
         self._diagram = diagram
         self._requests = tuple(requests)
         self._threads = threads or len(os.sched_getaffinity(0))
-        self._runs = runs_of(diagram, requests) if diagram.samplers_alone else []
+        self._runs = runs_of(diagram, requests) if at_samples_alone(diagram) else []
         self._poles: dict[int, MetricRequest] = {}
         self._loops: dict[Opening, dict[int, MetricRequest]] = {}
-        for column, request in enumerate(requests if diagram.samplers_alone else ()):
+        for column, request in enumerate(requests):
             if poles.is_measured(request):
                 self._poles[column] = request
             elif loops.is_measured(request):
@@ -62,24 +63,36 @@ class SampledBatch:
     def __call__(self, overrides: Mapping[str, Array]) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; complex ones carry derivatives."""
         moves = any(np.iscomplexobj(values) for values in overrides.values())
-        system, exist = self._diagram.sampled_members(overrides)
+        system, exist = self._diagram.sampled_members(overrides, linearized=False)
         found = Screened.unknown(len(exist), len(self._requests), dtype=complex if moves else float)
         found.valid[:] = exist
         found.doubtful[~exist] = False
-        if self._runs or self._poles:
+        if self._runs:
             for rows in alike(system, exist):
                 with suppress(UnresolvedError):
-                    self._measure(system.members(rows), rows, found)
+                    self._follow(system.members(rows), rows, found)
+        if self._poles:
+            linear, rest = self._diagram.sampled_members(overrides)
+            for rows in alike(linear, exist & rest):
+                with suppress(UnresolvedError):
+                    sampled = sampled_system(linear.members(rows))
+                    if not np.isfinite(sampled.pace):
+                        poles.measure_poles(self._poles, sampled, rows, found)
         for place, requests in self._loops.items():
             measure_loops(self._diagram, place, requests, overrides, found)
         return found
 
-    def _measure(self, system: NonlinearSystem, rows: Array, found: Screened) -> None:
-        """Enter what poles and responses of some members tell."""
-        sampled = sampled_system(system)
-        if np.isfinite(sampled.pace):
+    def _follow(self, system: NonlinearSystem, rows: Array, found: Screened) -> None:
+        """Enter what the responses of some members tell."""
+        looked_at = sorted({output for run in self._runs for output in run.requests.outputs})
+        others = turns(system, looked_at)
+        if others is None or np.any(system.start):
             return
-        if self._poles:
-            poles.measure_poles(self._poles, sampled, rows, found)
-        for run in self._runs if not np.any(system.start) else ():
+        sampled = sampled_system(with_outputs(system), others=others)
+        for run in self._runs if not np.isfinite(sampled.pace) else ():
             follow_run(run, self._diagram, sampled, rows, found, self._threads)
+
+
+def at_samples_alone(diagram: Diagram) -> bool:
+    """Return whether nothing is nonlinear in a sampled diagram but at the instants of its samplers."""
+    return diagram.sampled and (diagram.samplers_alone or turns(diagram.laws(), ()) is not None)

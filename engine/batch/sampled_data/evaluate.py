@@ -76,7 +76,7 @@ def _settled(pieces: Pieces, room: Room, rest: Rest, r: int, count: int, last: f
 @compiled
 def _read_of_run(
     wanted: Wanted, ends: Ends, rest: Rest, pieces: Pieces, room: Room, count: int, values: Series, doubtful: Flags,
-    settled: Whole, at_rest: Series, n: int,
+    settled: Whole, at_rest: Series, n: int, known: bool,
 ) -> None:  # fmt: skip
     """Enter the metrics of a run that ends after a time: of who has not settled in it, its last value stands for where it settles."""
     for r in range(settled.shape[0]):
@@ -84,7 +84,7 @@ def _read_of_run(
     for k in range(wanted.codes.shape[0]):
         plain = ends.plain[k]
         if (ends.relative[k] or ends.refused[k]) and settled[plain] == 2:
-            settled[plain] = _settled(pieces, room, rest, plain, count, ends.last, n)
+            settled[plain] = _settled(pieces, room, rest, plain, count, ends.last, n) if known else -1
     for r in range(settled.shape[0]):
         for k in range(wanted.codes.shape[0]):
             if wanted.row[k] == r and ends.relative[k] and settled[ends.plain[k]] == 0:
@@ -104,7 +104,7 @@ def _read_of_run(
 @allocating
 def evaluate(
     flow: Series, driven: Series, seen: Series, through: Series, jumps: Series, entering: Series, rests: Series,
-    limits: Series, timing: Beat, plan: Plan, drive: Drive, watched: Watched, wanted: Wanted, ends: Ends, until: float, moved: Flags,
+    known: Flags, limits: Series, timing: Beat, plan: Plan, drive: Drive, watched: Watched, wanted: Wanted, ends: Ends, until: float, moved: Flags,
     values: Series, doubtful: Flags,
 ) -> None:  # fmt: skip
     """Enter the metrics of candidates.
@@ -115,6 +115,8 @@ def evaluate(
     jumps, entering : ndarray, shapes (B, g, n, n), (B, g, n, inputs)
     rests : ndarray, shape (B, n)
         States at rest; NaN for what is not followed.
+    known : ndarray of bool, shape (B,)
+        Whether the states at rest are those to which a run goes.
     limits : ndarray, shape (B, L, 4)
     timing : Beat
         Of all; its ``jumps``, ``entering`` and ``limits`` are those of nobody.
@@ -193,7 +195,8 @@ def evaluate(
             continue
         if until < math.inf:
             _read_of_run(
-                wanted, ends, rest, pieces, room, found, values[candidate], doubtful[candidate], settled, at_rest, n
+                wanted, ends, rest, pieces, room, found, values[candidate], doubtful[candidate], settled, at_rest, n,
+                known[candidate],
             )  # fmt: skip
         else:
             read(wanted, rest, pieces, room, found, values[candidate], doubtful[candidate])

@@ -18,6 +18,7 @@ from engine.batch.linear.series import DEGREE, PARTS, SIZE
 from engine.batch.linear.short_piece import shorter_piece
 from engine.batch.sampled_data.compiled import compiled
 from engine.batch.sampled_data.maps import norm_of
+from engine.elements._limiting import Shape
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -38,6 +39,9 @@ _AT_REST: Final = 1e-15
 _GRAIN: Final = 1e-9
 """Of the period: instants that are nearer are one."""
 _MOST_BETWEEN: Final = 64
+_WAITING, _BEYOND, _LEVELS = int(Shape.WAITING), int(Shape.BEYOND), int(Shape.LEVELS)
+_EDGE: Final = 1e-9
+"""Of a level: nearer to the edge between two, rounding tells which it is."""
 _TIE: Final = 1e-12
 """Of the output: nearer to a limit, rounding tells whether that acts."""
 
@@ -49,7 +53,7 @@ class Beat(NamedTuple):
     ``levels`` (K,) tells how many levels of pieces a width takes: 0 for even ones, of which there are ``counts`` (K,). ``sizes`` (K, LEVELS)
     is how many coefficients of a piece are not rounding. ``limited`` (g,) tells which limit follows a jump, -1: none, of those of which
     ``bounded`` (L, 4) has the rows of the output computed, of the output and of the integral part that follow at once (-1: none), and
-    whether that waits; ``limits`` (L, 4) are the least, the greatest, the furthest in a sample, and the share of the integral part.
+    the `Shape`; ``limits`` (L, 4) are lower, upper, reach and share.
     """
 
     instants: Real
@@ -244,9 +248,13 @@ def _jump(beat: Beat, instant: int, pieces: Pieces, rest_x: Series, resting: boo
 @compiled
 def _bound(rows: Whole, limits: Series, z: Series, before: Any, taken: Any, rest_x: Series, resting: bool) -> bool:
     """Let a limit act on the states ``z`` behind a jump, ``before`` which these were its output and its integral part."""
-    computed, output, integral, waits = rows
+    computed, output, integral, shape = rows
     asked = z[computed]
     offset = rest_x[computed] if resting else 0.0 * asked
+    if shape >= _BEYOND:
+        found, clear = _cut(asked + offset, limits, shape == _LEVELS)
+        z[computed] = found - offset
+        return bool(clear)
     found, side, near = asked, 0.0, math.inf
     for which in range(4):  # how far it gets, then how far it may
         sign = 1.0 if which % 2 == 0 else -1.0
@@ -262,7 +270,7 @@ def _bound(rows: Whole, limits: Series, z: Series, before: Any, taken: Any, rest
     if integral < 0:
         return True
     change = z[integral] - taken
-    if waits:
+    if shape == _WAITING:
         if side * change.real > 0.0:
             z[integral] = taken
         # whether it waits tells by how much the next output differs
@@ -270,6 +278,21 @@ def _bound(rows: Whole, limits: Series, z: Series, before: Any, taken: Any, rest
         return bool(change.real == 0.0 or near > _TIE * size)
     z[integral] = z[integral] + limits[3] * (found - asked)
     return True
+
+
+@compiled
+def _cut(asked: Any, limits: Series, levels: bool) -> Any:
+    """Return what is beyond two edges, or the nearest level, and whether that is clear."""
+    if levels:
+        ratio = (asked / limits[0]).real + 0.5
+        level = math.floor(ratio)
+        return level * limits[0] + 0.0 * asked, min(ratio - level, level + 1.0 - ratio) > _EDGE
+    beyond = 0.0 * asked
+    if (asked - limits[1]).real > 0.0:
+        beyond = asked - limits[1]
+    if (limits[0] - asked).real > 0.0:
+        beyond = asked - limits[0]
+    return beyond, True
 
 
 @compiled

@@ -16,6 +16,7 @@ from engine.batch.nonlinear.readings import SETTLED_ONLY
 from engine.batch.sampled_data.cycle import Cycle
 from engine.batch.sampled_data.evaluate import Ends, evaluate
 from engine.batch.sampled_data.march import LEVELS, Beat
+from engine.elements._limiting import Shape
 from engine.metrics import catalogue
 from engine.metrics._base import TimeMetric
 from engine.model.errors import UnresolvedError
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from engine.diagram.diagram import Diagram
     from engine.exact.sampled_data.system import SampledSystem
     from engine.model.linear_system import Array
+
+Whole = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 _MOST_STATES: Final = 64
 _INSIDE: Final = 1e-9
@@ -95,7 +99,8 @@ def follow_run(
         if not part.limited:  # which may hold what runs away
             found.growth[members] = np.fmax(found.growth[members], growth)
             found.doubtful[np.ix_(members[growth >= 0], np.array(requests.columns))] = False
-        stable = np.flatnonzero(growth < 0)
+        followed = np.isfinite(growth) if part.limited and run.duration is not None else growth < 0
+        stable = np.arange(len(growth))[followed]
         if stable.size:
             _follow(run, requests, diagram, cycle, members, stable, found, threads)
 
@@ -115,10 +120,8 @@ def _follow(
     rests = np.full((len(cycle.flow), cycle.flow.shape[1]), np.nan, dtype=np.result_type(cycle.flow, cycle.jumps))
     rests[stable] = cycle.rest(stable, drive.drive @ final)
     limits, bounded = _limits(cycle)
-    for own, row in zip(limits.swapaxes(0, 1), bounded, strict=True):
-        still = rests[:, row[0]].real
-        reach = _INSIDE * np.abs(still)
-        rests[~((own[:, 0].real < still - reach) & (still + reach < own[:, 1].real))] = np.nan
+    there = _within(rests.real, limits, bounded)
+    rests[~(_begins(limits, bounded) & (there | (run.duration is not None)))] = np.nan
     kind = np.result_type(
         cycle.flow, cycle.jumps, cycle.driven, cycle.entering, cycle.read, cycle.direct, limits, found.values
     )
@@ -126,6 +129,7 @@ def _follow(
         np.ascontiguousarray(part[stable], dtype=kind)
         for part in (cycle.flow, cycle.driven, cycle.read, cycle.direct, cycle.jumps, cycle.entering, rests, limits)
     ]
+    known = there[stable]
     ends = _ends(requests, watched, wanted, command.last, endless=plan.last < 0)
     timing = _timing(cycle, bounded, kind)
     values = np.full((len(stable), len(requests.columns)), np.nan, dtype=kind)
@@ -134,7 +138,7 @@ def _follow(
     def work(span: slice) -> None:
         flow, driven, read, direct, jumps, entering, rest, limits = (part[span] for part in arrays)
         evaluate(
-            flow, driven, read, direct, jumps, entering, rest, limits, timing, plan, drive, watched, wanted, ends, until,
+            flow, driven, read, direct, jumps, entering, rest, known[span], limits, timing, plan, drive, watched, wanted, ends, until,
             cycle.moved, values[span], doubtful[span],
         )  # fmt: skip
 
@@ -160,19 +164,37 @@ def _ends(requests: ResponseRequests, watched: Watched, wanted: Wanted, last: fl
     return Ends(np.array(plain, np.int64), relative, refused, last)
 
 
-def _limits(cycle: Cycle) -> tuple[Array, npt.NDArray[np.int64]]:
+def _limits(cycle: Cycle) -> tuple[Array, Whole]:
     """Return the limits of a cycle in their order, (B, L, 4), with the rows that they act on, (L, 4), as `Beat` has them."""
     own = [limit for limit in cycle.limits if limit is not None]
     bounds = [np.stack([each.lower, each.upper, each.reach, each.share], axis=1) for each in own]
     rows = [
-        [each.computed, *(-1 if row is None else row for row in (each.output, each.integral)), each.waits]
+        [each.computed, *(-1 if row is None else row for row in (each.output, each.integral)), each.shape]
         for each in own
     ]
     limits = np.stack(bounds, axis=1) if own else np.zeros((len(cycle.flow), 0, 4))
     return limits, np.array(rows, dtype=np.int64).reshape(-1, 4)
 
 
-def _timing(cycle: Cycle, bounded: npt.NDArray[np.int64], kind: npt.DTypeLike) -> Beat:
+def _begins(limits: Array, bounded: Whole) -> Flags:
+    """Return who begins with outputs of 0: a law that makes something else of 0 has no sampler's state."""
+    found = np.ones(len(limits), dtype=bool)
+    for own, (_, output, integral, shape) in zip(limits.real.swapaxes(0, 1), bounded, strict=True):
+        if output < 0 and integral < 0 and shape != Shape.LEVELS:
+            found &= (own[:, 0] <= 0) & (own[:, 1] >= 0)
+    return found
+
+
+def _within(rests: Array, limits: Array, bounded: Whole) -> Flags:
+    """Return who rests (B, n) where no limit acts; with levels or a dead zone there are many places to rest."""
+    found = np.ones(len(rests), dtype=bool)
+    for own, (computed, *_, shape) in zip(limits.real.swapaxes(0, 1), bounded, strict=True):
+        value, reach = rests[:, computed], _INSIDE * np.abs(rests[:, computed])
+        found &= (shape < Shape.BEYOND) & (own[:, 0] < value - reach) & (value + reach < own[:, 1])
+    return found
+
+
+def _timing(cycle: Cycle, bounded: Whole, kind: npt.DTypeLike) -> Beat:
     """Return the timing of all members of a cycle."""
     g, n = cycle.jumps.shape[1:3]
     rows = np.full((g, n + 1), -1, dtype=np.int64)

@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -68,9 +69,9 @@ class Agenda:
         self._stops: list[Stop] = []
         self._numbers = itertools.count()
         self._noted = -math.inf
-        for number, law in enumerate(system.laws):
-            if law.element.period(law.values) is not None:
-                self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
+        for number in self._samplers:
+            law = system.laws[number]
+            self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
 
     def __len__(self) -> int:
         return len(self._stops)
@@ -104,15 +105,17 @@ class Agenda:
             self._note(update, law=number, updates=True)
 
     def sample_anew(self, now: float) -> None:
-        """Note the samples of all laws from ``now`` on in place of those that are noted, the slowest law's first."""
-
-        def pace(number: int) -> float:
-            law = self._system.laws[number]
-            return float(np.ravel(np.asarray(law.element.period(law.values)))[0].real)
-
+        """Note the samples of all laws from ``now`` on in place of those that are noted."""
         self._stops = [stop for stop in self._stops if stop.law is None]
-        for number in sorted(range(len(self._system.laws)), key=pace, reverse=True):
+        for number in self._samplers:
             self.sample_again(number, now)
+
+    @cached_property
+    def _samplers(self) -> list[int]:
+        """The laws that take samples, the slowest first: in that order samples are taken that fall together, the first ones too."""
+        periods = {k: law.element.period(law.values) for k, law in enumerate(self._system.laws)}
+        paces = {k: float(np.ravel(np.asarray(period))[0].real) for k, period in periods.items() if period is not None}
+        return sorted(paces, key=lambda k: -paces[k])
 
     def echo(self, t: Array, generation: int, onward: Flags | None = None) -> None:
         """Note that what changes at ``t`` (lanes,) comes back through every delay, or those that it goes ``onward`` into."""

@@ -11,17 +11,20 @@ import numpy as np
 
 from engine.exact.sampled_data import pieces, transport
 from engine.exact.sampled_data.cut import arriving_later, closed_by_any_gain, cut_beside_delays
-from engine.exact.sampled_data.jumps import moving_on, passing, sampling, times
+from engine.exact.sampled_data.jumps import following, moving_on, passing, sampling, times
 from engine.exact.sampled_data.system import SampledSystem, Sampling, common_period
 from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
     from engine.exact.laws.laws import Law
     from engine.exact.laws.system import NonlinearSystem
+    from engine.exact.sampled_data.followers import Turn
     from engine.model.linear_system import Array
 
 
-def sampled_system(system: NonlinearSystem, *, opened: bool = False, later: Array | None = None) -> SampledSystem:
+def sampled_system(
+    system: NonlinearSystem, *, opened: bool = False, later: Array | None = None, others: Mapping[int, Turn] | None = None
+) -> SampledSystem:  # fmt: skip
     """Return a system whose only laws are samplers as one that flows and jumps.
 
     Parameters
@@ -31,6 +34,8 @@ def sampled_system(system: NonlinearSystem, *, opened: bool = False, later: Arra
         Whether its last input and output are the two ends of a cut.
     later : ndarray, shape (lanes,), optional
         How much later what is fed into an opened loop arrives there, s.
+    others : mapping of int to Turn, optional
+        When its laws that are no samplers act, by their numbers; each has one state, its output.
 
     Raises
     ------
@@ -39,7 +44,8 @@ def sampled_system(system: NonlinearSystem, *, opened: bool = False, later: Arra
     """
     m = system.matrices if later is None else arriving_later(system.matrices, later)
     m = transport.merged(cut_beside_delays(m) if opened else m)
-    samplers = [_in_transport(law, system.lanes) for law in system.laws]
+    acting = others or {}
+    samplers = [_in_transport(law, system.lanes, acting.get(k)) for k, law in enumerate(system.laws)]
     under_way = transport.lines(m, samplers, system.states)
     flowing, total, pace = _flowing(closed_by_any_gain(m) if opened else m, samplers, under_way)
     known = _Known.of(m, system.laws, under_way, flowing, total)
@@ -54,7 +60,7 @@ def sampled_system(system: NonlinearSystem, *, opened: bool = False, later: Arra
     late = ~np.any(known.arrived, axis=1)
     return SampledSystem(
         flow=flow, driven=driven, read=known.signals(m, 1), direct=m["d11"],
-        samplings=tuple(_jumps(m, system.laws, under_way, flowing, known)), inputs=system.inputs,
+        samplings=tuple(_jumps(m, system, acting, (under_way, flowing), known)), inputs=system.inputs,
         outputs=system.outputs, known=~np.any(m["d12"][:, :, late] != 0, axis=(0, 2)), pace=pace,
     )  # fmt: skip
 
@@ -102,17 +108,20 @@ class _Known:
 
 def _jumps(
     m: Mapping[str, Array],
-    laws: Sequence[Law],
-    under_way: transport.Lines,
-    flowing: Sequence[pieces.Course],
+    system: NonlinearSystem,
+    others: Mapping[int, Turn],
+    ways: tuple[transport.Lines, Sequence[pieces.Course]],
     known: _Known,
 ) -> list[Sampling]:
-    lanes, total = len(m["a"]), known.held.shape[1]
+    lanes, total, laws, (under_way, flowing) = len(m["a"]), known.held.shape[1], system.laws, ways
     delayed, sees = known.signals(m, 2), known.signals(m, 3)
     for (channel, number), line in under_way.read.items():
         rows = laws[number].inputs
         sees[:, rows, line.end] += m["d32"][:, rows, channel]
-    found = [sampling(law, k, lanes, sees, m["d31"]) for k, law in enumerate(laws)]
+    found = [
+        following(law, others[k], lanes, sees, m["d31"]) if k in others else sampling(law, k, lanes, sees, m["d31"])
+        for k, law in enumerate(laws)
+    ]
     for line in under_way.all:
         if line.outputs is not None:
             row = (m["d23"][:, line.channel, None, line.outputs] @ known.held[line.outputs])[:, 0]
@@ -126,7 +135,9 @@ def _jumps(
     return found
 
 
-def _in_transport(law: Law, lanes: int) -> transport.Sampler:
+def _in_transport(law: Law, lanes: int, turn: Turn | None) -> transport.Sampler:
+    if turn is not None:
+        return transport.Sampler(inputs=law.inputs, outputs=law.outputs, takes=turn.clock, gives=turn.clock)
     period, first = law.element.period(law.values), times(law.element.offset(law.values), lanes)
     assert period is not None
     takes = transport.Clock(label=law.label, period=times(period, lanes), first=first)

@@ -12,8 +12,10 @@ from engine.elements._sampler import Sampler
 from engine.exact.sampled_data.system import Limit, Sampling
 
 if TYPE_CHECKING:
+    from engine.elements._limiting import Limiting
     from engine.exact.laws.laws import Law
     from engine.exact.sampled_data import pieces, transport
+    from engine.exact.sampled_data.followers import Turn
     from engine.model.linear_system import Array
 
 
@@ -105,10 +107,29 @@ def _limit(law: Law, lanes: int) -> Limit | None:
         return None
     first = law.states.start
     late = np.any(times(law.element.latency(law.values), lanes))
+    return _placed(own, lanes, computed=first + 1, output=None if late else first, states=first)
+
+
+def _placed(own: Limiting, lanes: int, *, computed: int, output: int | None, states: int) -> Limit:
     return Limit(
-        computed=first + 1, output=None if late else first, integral=None if own.integral is None else first + own.integral,
+        computed=computed, output=output, integral=None if own.integral is None else states + own.integral,
         lower=times(own.lower, lanes), upper=times(own.upper, lanes), reach=times(own.reach, lanes),
-        share=times(own.share, lanes), waits=own.waits,
+        share=times(own.share, lanes), shape=own.shape,
+    )  # fmt: skip
+
+
+def following(law: Law, turn: Turn, lanes: int, sees: Array, follows: Array) -> Sampling:
+    """Return a law without memory in its place, whose only state is its output; what it sees is ``sees`` ξ + ``follows`` u."""
+    own = law.element.limiting(law.values)
+    assert own is not None
+    row, total, kind = law.states.start, sees.shape[-1], np.result_type(sees, follows)
+    taken = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
+    taken[:, row] = sees[:, law.inputs.start]
+    entering = np.zeros((lanes, total, follows.shape[-1]), dtype=kind)
+    entering[:, row] = follows[:, law.inputs.start]
+    return Sampling(
+        label=law.label, number=turn.number, period=turn.clock.period, delay=np.zeros(lanes), offset=turn.clock.first, taken=taken,
+        entering=entering, turn=turn.turn, limit=_placed(own, lanes, computed=row, output=None, states=row),
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.elements._limiting import Shape
 from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
@@ -38,11 +39,9 @@ _DIRECT: Final = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Limit:
-    """What a sample makes of an output that its linear part makes v; rows are those of the joint state, None: there is none such.
+    """What a sample makes of an output v of its linear part (`Limiting`), its values of shape (lanes,).
 
-    u = min(max(v, lower), upper), no further than ``reach`` from the u before. It stands in the row ``computed``, and ``output`` where
-    that follows at once. The row ``integral`` keeps its value where it ``waits`` and what it takes drives v further beyond; else
-    it takes ``share`` (u - v) besides. All values have the shape (lanes,), infinite: no such limit.
+    It stands in the row ``computed`` of the joint state, and ``output`` where that follows at once (None: it does not).
     """
 
     computed: int
@@ -52,7 +51,7 @@ class Limit:
     upper: Array
     reach: Array
     share: Array
-    waits: bool
+    shape: Shape
 
     def part(self, states: npt.NDArray[Any]) -> Limit | None:
         """Return the limit among these states alone; None where its output is not among them."""
@@ -76,7 +75,7 @@ class Sampling:
     """
 
     label: str
-    number: int
+    number: float
     period: Array
     delay: Array
     offset: Array
