@@ -24,7 +24,7 @@ from engine.model.parameters import Param
 
 
 class SampledPid(Sampler):
-    """The output follows a sample after the time that it takes to compute.
+    """The output follows a sample after the time that it takes to compute; before the first one it is as near to 0 as its limits allow.
 
     At a limit, clamping lets the integral part wait, and back-calculation takes (u - v) T/tracking_time into it. The increment form
     has no integral part that could wind up: it goes on from the output that there was.
@@ -108,6 +108,12 @@ class SampledPid(Sampler):
     def ports(cls, values: Values) -> Ports:
         """Return the error as input, or reference and measurement where a setpoint weight is given."""
         return _pid.ports(values)
+
+    @classmethod
+    def initial(cls, values: Values) -> Signals:
+        """Return rest; the output is the one nearest to 0 that its limits allow."""
+        begins = cls._limited(0.0, values)[0]
+        return [begins, begins, 0.0, 0.0, 0.0]
 
     @classmethod
     def feed_through(cls, values: Values) -> Pattern:

@@ -44,7 +44,8 @@ def by_hand(
     phi, gamma = held(PERIOD / PARTS)
     lower, upper, reach = law.get("lower", -np.inf), law.get("upper", np.inf), law.get("rate", np.inf) * PERIOD
     rule, tracking = law.get("anti_windup", "clamping"), law.get("tracking_time", kp / ki)
-    x, driving, u, integral, last, derived = np.zeros(2), 0.0, 0.0, 0.0, 0.0, 0.0
+    x, integral, last, derived = np.zeros(2), 0.0, 0.0, 0.0
+    driving = u = min(max(0.0, lower), upper)
     outputs, efforts = [], []
     for _ in range(round(duration / PERIOD)):
         error, before, filtered = 1.0 - x[0], integral, derived
@@ -141,6 +142,17 @@ def test_slopes(name: str) -> None:
         width = 1e-4 * at[path]
         expected = (error({**at, path: at[path] + width}) - error({**at, path: at[path] - width})) / (2 * width)
         assert found.values[lane, 0].imag / 1e-30 == pytest.approx(expected, rel=1e-4, abs=1e-9)
+
+
+def test_before_the_first_output_it_is_as_near_to_0_as_its_limits_allow() -> None:
+    law, duration = {"lower": 0.5, "upper": 12.0, "rate": 900.0}, 0.3
+    asked = [MetricRequest(metric=metric, signals=STEP, output="y", duration=duration) for metric in ("peak", "ise")]
+    at = {path: own[0] for path, own in GAINS.items()}
+    assert Screening(loop(**law), asked)({path: np.array([value]) for path, value in at.items()}).doubtful.all()
+    y, _ = by_hand(law, 0.004, list(at.values()), duration)
+    expected = [y.max(), np.trapezoid((1 - y) ** 2, dx=PERIOD / PARTS)]
+    exact = [measured.value for measured, _ in measure(loop(**law), asked, overrides=at)]
+    np.testing.assert_allclose(exact, expected, rtol=2e-6)
 
 
 METRICS = ("peak", "ise", "overshoot", "settling_time", "steady_state_error")

@@ -86,7 +86,7 @@ class SampledBatch:
         """Enter what the responses of some members tell."""
         looked_at = sorted({output for run in self._runs for output in run.requests.outputs})
         others = turns(system, looked_at)
-        if others is None or np.any(system.start):
+        if others is None or np.any(system.matrices["x0"]):
             return
         sampled = sampled_system(with_outputs(system), others=others)
         for run in self._runs if not np.isfinite(sampled.pace) else ():

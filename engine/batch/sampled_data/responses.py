@@ -177,10 +177,10 @@ def _limits(cycle: Cycle) -> tuple[Array, Whole]:
 
 
 def _begins(limits: Array, bounded: Whole) -> Flags:
-    """Return who begins with outputs of 0: a law that makes something else of 0 has no sampler's state."""
+    """Return who begins with outputs of 0."""
     found = np.ones(len(limits), dtype=bool)
-    for own, (_, output, integral, shape) in zip(limits.real.swapaxes(0, 1), bounded, strict=True):
-        if output < 0 and integral < 0 and shape != Shape.LEVELS:
+    for own, (*_, shape) in zip(limits.real.swapaxes(0, 1), bounded, strict=True):
+        if shape != Shape.LEVELS:
             found &= (own[:, 0] <= 0) & (own[:, 1] >= 0)
     return found
 
