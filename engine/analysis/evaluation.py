@@ -25,6 +25,7 @@ from engine.exact.time.settling_tail import fading
 from engine.exact.time.trajectory import respond
 from engine.metrics._base import Absent, LoopSubject, PathSubject, SystemSubject, TimeSubject
 from engine.metrics._window import still_to_go
+from engine.model.errors import UnresolvedError
 from engine.model.linear_system import LaneSystem
 from engine.model.verdicts import Verdict
 
@@ -90,7 +91,7 @@ class Evaluation(RealizedDiagram):
     ) -> None:
         super().__init__(diagram, overrides, gradient, commands)
         self._loops: dict[Opening, LoopSubject] = {}
-        self._responses: dict[tuple[object, ...], TimeResponse] = {}
+        self._responses: dict[tuple[object, ...], TimeResponse | UnresolvedError] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
         self._fadings: dict[tuple[object, ...], Trajectory] = {}
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
@@ -196,8 +197,32 @@ class Evaluation(RealizedDiagram):
         """Return the whole response of ``outputs`` to ``signals`` (absent inputs are 0)."""
         key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(outputs))
         if key not in self._responses:
-            self._responses[key] = self._respond(signals, outputs)
-        return self._responses[key]
+            try:
+                self._responses[key] = self._respond(signals, outputs)
+            except UnresolvedError as error:
+                self._responses[key] = error
+        found = self._responses[key]
+        if isinstance(found, UnresolvedError):
+            raise found
+        return found
+
+    def response_within(
+        self, signals: Mapping[str, Signal], outputs: Sequence[str], duration: float | None
+    ) -> TimeResponse:
+        """Return the whole response; of what nobody can follow until it rests none, where no more than a duration is asked for."""
+        try:
+            return self.time_response(signals, outputs)
+        except UnresolvedError:
+            if duration is None:
+                raise
+            return TimeResponse(
+                joint=None, columns={}, verdicts=dict.fromkeys(outputs, Verdict.NOT_SETTLED), finals=dict.fromkeys(outputs),
+                initials=self._initials(outputs), hidden=(), left={},
+            )  # fmt: skip
+
+    def _initials(self, outputs: Sequence[str]) -> dict[str, Array]:
+        x0 = np.einsum("poi,pi->po", self.rated.c1, self.rated.x0)
+        return {name: x0[:, self.output_index(name)] for name in outputs}
 
     def _motions(self, signals: Mapping[str, Signal]) -> Motions | None:
         return Motions(signals=signals, lanes=self.commands) if self.commands else None
@@ -213,8 +238,7 @@ class Evaluation(RealizedDiagram):
             if own.verdict is Verdict.OK:
                 lifetime = max(lifetime, own.lifetime)
         decaying = [name for name in outputs if verdicts[name] is Verdict.OK]
-        x0 = np.einsum("poi,pi->po", self.rated.c1, self.rated.x0)
-        initials = {name: x0[:, self.output_index(name)] for name in outputs}
+        initials = self._initials(outputs)
         finals: dict[str, Array | None] = dict.fromkeys(outputs)
         joint, left = None, {}
         if decaying:
@@ -278,7 +302,7 @@ class Evaluation(RealizedDiagram):
     def _linear_subject(
         self, signals: Mapping[str, Signal], output: str, duration: float | None, outputs: Sequence[str] | None
     ) -> TimeSubject:
-        response = self.time_response(signals, [output] if outputs is None else outputs)
+        response = self.response_within(signals, [output] if outputs is None else outputs, duration)
         verdict = response.verdicts[output]
         final = response.finals[output]
         start, end = _span(signals)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.analysis.evaluation import LARGEST, Evaluation
+from engine.analysis.evaluation import LARGEST, Evaluation, TimeResponse
 from engine.analysis.frequency_study import FrequencyStudy, Margins, frequency_response
 from engine.analysis.limit_cycles import LimitCycle, observed, predicted
 from engine.analysis.measuring import (
@@ -108,10 +108,10 @@ def simulate(
         return _simulate_nonlinear(
             evaluation, signals, names, duration=duration, samples=samples, metrics=metrics, band=band, options=options
         )
-    response = evaluation.time_response(signals, names)
+    response = evaluation.response_within(signals, names, duration)
     length = duration if duration is not None else _length(evaluation, signals, names)
     time = np.linspace(0.0, length, samples)
-    curves = _curves(evaluation, signals, names, time)
+    curves = _curves(response, evaluation, signals, names, time)
     found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band, options=options)
     remarks = (*diagram.warnings, *_hidden(response.hidden), *_rough(evaluation, signals, names, duration))
     return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
@@ -251,7 +251,7 @@ def _rough(
 ) -> tuple[Remark, ...]:
     """Return what is to be said of outputs and errors that are small differences of large signals."""
     found: list[Remark] = []
-    response = evaluation.time_response(signals, names)
+    response = evaluation.response_within(signals, names, duration)
     for name, left in response.left.items():
         assert response.joint is not None
         own = response.joint.output(response.columns[name])
@@ -311,8 +311,9 @@ def _rounded(length: float) -> float:
     return float(np.ceil(length / unit * (1 - 1e-12)) * unit)
 
 
-def _curves(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequence[str], time: Real) -> dict[str, Real]:
-    response = evaluation.time_response(signals, names)
+def _curves(
+    response: TimeResponse, evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequence[str], time: Real
+) -> dict[str, Real]:
     curves: dict[str, Real] = {}
     rest = [name for name in names if name not in response.columns]
     if response.joint is not None:

@@ -272,7 +272,7 @@ class SystemMetric(Metric):
 
 _ADVICE = {
     Verdict.UNSTABLE: "the path is unstable: lower the loop gain or add phase lead",
-    Verdict.MARGINAL: "the path oscillates without decay: lower the loop gain slightly",
+    Verdict.MARGINAL: "the path oscillates without decay: add damping, or lower the gain of its loop slightly",
     Verdict.INTEGRATING: "the output goes on moving under a constant command: look at its velocity, or close the loop",
     Verdict.ILL_POSED: "an algebraic loop has no solution at these values",
     Verdict.NOT_SETTLED: "the output goes on moving: follow it for longer, or look at a limit cycle over a given duration",
