@@ -9,6 +9,7 @@ from typing import Any
 
 from api.problems.documents import Fault, Problem, invalid_document
 from api.problems.pointers import place_in
+from engine import elements, signals
 
 _MOST_FAULTS = 50
 _LONGEST_SHOWN = 80
@@ -26,7 +27,9 @@ def _fault(error: dict[str, Any], body: Any) -> Fault:
         name = f"{where} parameter {'.'.join(str(part) for part in location)}"
         return Fault(place=(), detail=sentence(name, error))
     if kind == "json_invalid":
-        at = f" (character {location[0]})" if location else ""
+        at = (
+            f" (character {location[0]})" if location and location[0] else ""
+        )  # at 0: the sentence names the place, if there is one
         return Fault(place=(), detail=f"the body must be JSON: {error['ctx']['error']}{at}")
     if not isinstance(body, dict):
         return Fault(place=(), detail="the body must be a JSON object sent with Content-Type: application/json")
@@ -39,7 +42,16 @@ def _fault(error: dict[str, Any], body: Any) -> Fault:
         meant = f" (was {near[0]!r} meant?)" if near else ""
         detail = f"kind must be one of {expected or 'the catalogue'}, got {_shown(got)}{meant}"
         return Fault(place=(*place, "kind"), detail=detail)
-    return Fault(place=place, detail=sentence(name, error))
+    return Fault(place=place, detail=sentence(name, error) + (_meant(location) if kind == "extra_forbidden" else ""))
+
+
+def _meant(location: Sequence[str | int]) -> str:
+    """Return which parameter of a block or signal a wrong name is nearest to; its kind stands in front of the name."""
+    kind = str(location[-2]) if len(location) > 1 else ""
+    declared = elements.catalogue().get(kind) or signals.catalogue().get(kind)
+    known = [] if declared is None else [param.name for param in declared.parameters]
+    near = get_close_matches(str(location[-1]), known, n=1)
+    return f" (was {near[0]!r} meant?)" if near else ""
 
 
 def _name(place: Sequence[str | int]) -> str:

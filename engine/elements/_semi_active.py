@@ -23,7 +23,7 @@ def transition(unit: str) -> Param:
     """Return how wide the switching is spread, in the unit of the product."""
     return Param(
         name="transition", symbol="s_t", unit=unit, default=0.0, lower=0.0,
-        doc="product over which the current goes from one value to the other; 0: it switches at once",
+        doc="spreads the switching: i = i_off + (i_on - i_off) (1 + tanh(product/s_t))/2; 0: it switches at once",
     )  # fmt: skip
 
 

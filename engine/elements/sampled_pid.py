@@ -63,11 +63,11 @@ class SampledPid(Sampler):
         *LIMITS,
         Param(
             name="rate", symbol="R", required=False, lower=0.0, lower_open=True, scale="log",
-            doc="greatest change of the output per second; absent: none",
+            doc="greatest change of the output per second, which gives way to lower and upper; it counts from as near to 0 as these allow; absent: none",
         ),
         Param(
             name="anti_windup", symbol="I'", shape="text", choices=("clamping", "back_calculation", "none"), default="clamping",
-            doc="what the integral part does at a limit: it waits, follows, or winds up",
+            doc="what the integral part does at a limit: it waits (v_k has the new one all the same), takes T/T_t (u_k - v_k), or winds up",
         ),
         Param(
             name="tracking_time", symbol="T_t", unit="s", required=False, lower=0.0, lower_open=True, scale="log",

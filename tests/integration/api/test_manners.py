@@ -42,6 +42,16 @@ from tests.support.patience import PATIENCE
             422,
             "got 'integrater' (was 'integrator' meant?)",
         ),
+        (
+            ("POST", "/v1/systems", {"json": LAG | {"blocks": {"a": {"kind": "gain", "gain": 1, "gian": 2}}}}),
+            422,
+            "gian must be left out: it is no field here (was 'gain' meant?)",
+        ),
+        (
+            ("POST", "/v1/systems", {"content": b'{"name": NaN}', "headers": {"Content-Type": "application/json"}}),
+            422,
+            "got NaN at /name",
+        ),
         (("POST", "/v1/keys", {"json": {"name": "k", "scopes": ["root"]}}), 422, "scopes/0 must be 'read', 'write'"),
         (("GET", "/v1/systems?limit=0", {}), 422, "query parameter limit must be >= 1, got 0"),
         (("GET", "/v1/systems?limit=5&limit=6", {}), 422, "query parameter limit must stand once, got it 2 times"),
