@@ -2,13 +2,16 @@
 
 v = g(e_0 + D33 v):   (1 - ∂g/∂e D33) Δv = g(e_0 + D33 v) - v
 
+It begins at 0. Where that leads nowhere it begins again at what the laws make of their outputs, put in several times over, which goes
+to a solution where the loop's gain is small; a step that leads further away is halved then.
+
 The order is that of single outputs: the velocity of a cylinder follows no force at once, its acceleration does, so that friction makes no
 loop with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +31,9 @@ Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
 
 _ITERATIONS = 40
+_SUBSTITUTIONS = 20
+_FAR = 1e-6
+"""Of the outputs: nearer to a solution every step is taken as it is."""
 _SINGULAR = 1e-12
 _ROUNDING = 1e-14
 
@@ -102,7 +108,8 @@ def _scale(gain: Real) -> Real:
     size = np.abs(gain).reshape(-1, *gain.shape[-2:]).max(axis=0)
     if not np.isfinite(size).all():
         raise np.linalg.LinAlgError("the gain of a loop is not finite")
-    return np.asarray(np.diag(matrix_balance(size, permute=False)[1]))
+    with np.errstate(invalid="ignore"):  # of permutations that are not asked for
+        return np.asarray(np.diag(matrix_balance(size, permute=False)[1]))
 
 
 def solve_loop(
@@ -130,19 +137,49 @@ def solve_loop(
     UnresolvedError
         If no solution is found.
     """
-    laws = [system.laws[i] for i in group.laws]
     outputs = [k for k in group.channels if k not in skip]
-    link = system.value.matrices["d33"][0]
-    real = at.real
-    settled, size = 0, np.zeros(len(outputs))
-    for _ in range(_ITERATIONS):
+
+    def put_in() -> Array:
+        """Write what the laws make of the outputs in their place; return these."""
         before = v.copy()
         for i in group.laws:
             system.apply(i, at, base, v, wanted=outputs, given=before)
+        return before
+
+    begun = v[..., outputs].copy()
+    try:
+        _newton((system, group, outputs), at, base, v, put_in, cautious=False)
+    except (IllPosedError, UnresolvedError) as error:
+        v[..., outputs] = begun
+        for _ in range(_SUBSTITUTIONS):
+            put_in()
+        if not np.isfinite(v[..., outputs]).all():
+            raise
+        try:
+            _newton((system, group, outputs), at, base, v, put_in, cautious=True)
+        except (IllPosedError, UnresolvedError):
+            raise error from None
+
+
+def _newton(
+    loop: tuple[NonlinearSystem, Group, list[int]], at: Instants, base: Array, v: Array, put_in: Callable[[], Array], *, cautious: bool
+) -> None:  # fmt: skip
+    """Write the solution that Newton's method finds from ``v``."""
+    system, group, outputs = loop
+    laws = [system.laws[i] for i in group.laws]
+    link = system.value.matrices["d33"][0]
+    real = at.real
+    settled, size = 0, np.zeros(len(outputs))
+    last: _Step | None = None
+    for _ in range((1 + cautious) * _ITERATIONS):
+        before = put_in()
         excess = v[..., outputs] - before[..., outputs]
         settled = settled + 1 if np.all(np.abs(excess.real) <= _ROUNDING * size) else 0
         if settled == 2 or (settled and not np.iscomplexobj(v)):
             return
+        if last is not None and (worse := last.leads_away(excess)).any():
+            v[..., outputs] = np.where(worse[:, None], last.halved(worse), before[..., outputs])
+            continue
         e = base[:1].real + before[:1].real @ link.T[None]
         gain = np.zeros((e.shape[1], v.shape[-1], e.shape[-1]))
         for i, law in zip(group.laws, laws, strict=True):
@@ -161,9 +198,33 @@ def solve_loop(
         if np.any(spread[:, -1] <= _SINGULAR * np.maximum(1.0, spread[:, 0])):
             raise _ill_posed(system, group)
         step = np.linalg.solve(matrix[None], excess[..., None] / scale[:, None]) * scale[:, None]
+        if cautious:
+            near = _FAR * float((size / scale).max())
+            last = _Step(before[..., outputs], step[..., 0], excess, unit=scale, near=near)
         v[..., outputs] = before[..., outputs] + step[..., 0]
     msg = f"the algebraic loop through {_names(laws)} must have a solution that can be found; put a lag or a delay into it"
     raise UnresolvedError(msg, at=laws[0].at)
+
+
+class _Step:
+    """A step from where outputs (lanes, N, k) were, ``excess`` being how far they were from a solution, in units (k,)."""
+
+    def __init__(self, begun: Array, step: Array, excess: Array, *, unit: Real, near: float) -> None:
+        self._begun, self._step, self._unit, self._near = begun, step, unit, near
+        self._away = self._distance(excess)
+        self._share = np.ones(len(self._away))
+
+    def _distance(self, excess: Array) -> Real:
+        return np.asarray(np.linalg.norm(excess[0].real / self._unit, axis=-1))
+
+    def leads_away(self, excess: Array) -> npt.NDArray[np.bool_]:
+        """Return at which instants, (N,), the step has led further away; what is no number is so, too."""
+        return ~(self._distance(excess) <= np.maximum(self._away, self._near))
+
+    def halved(self, where: npt.NDArray[np.bool_]) -> Array:
+        """Return the outputs with half the step at some instants."""
+        self._share[where] /= 2
+        return np.asarray(self._begun + self._share[:, None] * self._step)
 
 
 def _names(laws: Sequence[Law]) -> str:

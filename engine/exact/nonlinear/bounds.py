@@ -29,7 +29,9 @@ LARGEST: Final = 1e100
 
 _RARELY: Final = 0.02
 _EXPLODED: Final = 1e8
-"""A state that has grown so much when its steps vanish goes to infinity in finite time."""
+"""A state that has grown so much when its steps vanish,"""
+_LATELY: Final = (30, 30.0)
+"""and so much in its last steps, goes to infinity in finite time."""
 
 
 def computing_time() -> Callable[[], float]:
@@ -59,6 +61,7 @@ class Bounds:
         self._clock, self._limit = clock, limit
         self._began = clock() if clock is not None else 0.0
         self._recent: deque[float] = deque(maxlen=HASTE[0])
+        self._sizes: deque[Array] = deque(maxlen=_LATELY[0])
         self.steps = self.events = 0
 
     def step(self, now: float, count: int = 1) -> None:
@@ -94,13 +97,15 @@ class Bounds:
 
     def state(self, now: float, last: Array) -> None:
         """Look at the state (lanes, n) at the end of a step."""
+        self._sizes.append(np.abs(last[0].real))
         if not np.isfinite(last).all() or float(np.abs(last[0].real).max(initial=0.0)) > LARGEST:
             raise StoppedError(Verdict.UNSTABLE, f"the response grows beyond {LARGEST:g} at t = {now:.6g} s")
 
     def stuck(self, now: float, state: Array, first: Array, cause: str) -> NoReturn:
         """Say why steps vanish, from the state (n,), how large it was at first, and the ``cause`` of the last failure, if known."""
-        size = np.abs(state) / np.where(first > 0, first, np.inf)
-        if float(size.max(initial=0.0)) > _EXPLODED:
+        grown = np.abs(state) > _EXPLODED * np.where(first > 0, first, np.inf)
+        lately = [np.abs(state) > _LATELY[1] * before for before in list(self._sizes)[:1]]
+        if (grown & np.all(lately, axis=0)).any():
             raise StoppedError(Verdict.UNSTABLE, f"the response grows without bound near t = {now:.6g} s")
         msg = f"the equations have no solution that can be followed beyond t = {now:.6g} s" + (cause and f": {cause}")
         raise StoppedError(Verdict.DOUBTFUL, msg)
