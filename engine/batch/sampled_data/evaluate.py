@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.linear.channels import work_space
+from engine.batch.linear.channels import Channels, work_space
 from engine.batch.linear.evaluate import Delayed, Drive, Watched, assemble, differentiate, settle
 from engine.batch.linear.ladder import Ladder
 from engine.batch.linear.pieces import Pieces, Plan
@@ -101,6 +101,35 @@ def _read_of_run(
         rest.y[r] = at_rest[r]
 
 
+@compiled
+def _enter(entering: Series, drive: Drive, enters: Series) -> None:
+    """Write by what the command's states enter at each instant, (g, n, w), from what its inputs do, (g, n, inputs)."""
+    for instant in range(enters.shape[0]):
+        for i in range(enters.shape[1]):
+            for j in range(enters.shape[2]):
+                total = 0.0 * entering[instant, i, 0]
+                for k in range(drive.drive.shape[0]):
+                    total = total + entering[instant, i, k] * drive.drive[k, j]
+                enters[instant, i, j] = total
+
+
+@compiled
+def _differentiate(
+    m: Series, rows: Series, watched: Watched, channels: Channels, drive: Drive, moved: Flags, room: tuple[Series, Series], rest: Rest
+) -> None:  # fmt: skip
+    """Make the rows of what is watched those of its rates; what jumps has none."""
+    n = moved.shape[0]
+    for r in range(rows.shape[0]):
+        rest.open[r], rest.y[r], rest.error[r] = 0, 0.0 * m[0, 0], math.nan + 0.0 * m[0, 0]
+        for _ in range(watched.orders[r]):
+            for i in range(n):
+                if moved[i] and rows[r, i] != 0.0:
+                    rest.open[r] = -1
+            found = differentiate(m, rows[r], channels.through[r], n, room[0], drive, channels, room[1])
+            if rest.open[r] != 1 and found != 0:
+                rest.open[r] = found
+
+
 @allocating
 def evaluate(
     flow: Series, driven: Series, seen: Series, through: Series, jumps: Series, entering: Series, rests: Series,
@@ -158,26 +187,8 @@ def evaluate(
         assemble(
             flow[candidate], driven[candidate], seen[candidate], through[candidate], none, 0, drive, watched, channels, m, rows
         )  # fmt: skip
-        for instant in range(g):
-            for i in range(n):
-                for j in range(extra):
-                    total = 0.0 * flow[candidate, 0, 0]
-                    for k in range(drive.drive.shape[0]):
-                        total = total + entering[candidate, instant, i, k] * drive.drive[k, j]
-                    enters[instant, i, j] = total
-        for r in range(count):
-            rest.open[r], rest.y[r], rest.error[r] = (
-                0,
-                0.0 * flow[candidate, 0, 0],
-                math.nan + 0.0 * flow[candidate, 0, 0],
-            )
-            for _ in range(watched.orders[r]):
-                for i in range(n):
-                    if moved[i] and rows[r, i] != 0.0:  # what jumps has no rate there
-                        rest.open[r] = -1
-                found = differentiate(m, rows[r], channels.through[r], n, struck, drive, channels, right)
-                if rest.open[r] != 1 and found != 0:
-                    rest.open[r] = found
+        _enter(entering[candidate], drive, enters)
+        _differentiate(m, rows, watched, channels, drive, moved, (struck, right), rest)
         if plan.last >= 0:
             settle(plan, rows, watched, channels, rest, rests[candidate], n)
         beat = Beat(
