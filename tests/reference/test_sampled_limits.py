@@ -182,6 +182,16 @@ def test_of_what_rests_at_a_limit_nobody_says_where() -> None:
     )
 
 
+def test_a_limit_that_is_just_what_it_takes_to_rest_changes_nothing_there() -> None:
+    law = {"form": "increment", "lower": -1.5, "upper": 1.5, "denominator": (0.05, 1.0, 1.5), "ki": 40.0}
+    diagram = loop(**law)
+    asked = [MetricRequest(metric=metric, signals=STEP, output="y", duration=4.0) for metric in METRICS]
+    found = Screening(diagram, asked)({"pid.kp": np.array([4.0])})
+    assert not found.doubtful.any()
+    exact = [measured.value for measured, _ in measure(diagram, asked, overrides={"pid.kp": 4.0})]
+    np.testing.assert_allclose(found.values[0], exact, rtol=1e-9, atol=1e-11)
+
+
 def test_what_runs_away_but_for_its_limits_is_followed() -> None:
     assert_exact(loop(lower=-12.0, upper=12.0), 300.0, [False] * 5)
 

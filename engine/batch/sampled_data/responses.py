@@ -36,8 +36,8 @@ Whole = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 _MOST_STATES: Final = 64
-_INSIDE: Final = 1e-9
-"""Of where it rests: what is nearer to a limit may rest at it."""
+_INSIDE: Final = 1e-12
+"""Of where it rests: what rounding may leave of a rest that is just at a limit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,11 +186,11 @@ def _begins(limits: Array, bounded: Whole) -> Flags:
 
 
 def _within(rests: Array, limits: Array, bounded: Whole) -> Flags:
-    """Return who rests (B, n) where no limit acts; with levels or a dead zone there are many places to rest."""
+    """Return who rests (B, n) where no limit changes anything; with levels or a dead zone there are many places to rest."""
     found = np.ones(len(rests), dtype=bool)
     for own, (computed, *_, shape) in zip(limits.real.swapaxes(0, 1), bounded, strict=True):
         value, reach = rests[:, computed], _INSIDE * np.abs(rests[:, computed])
-        found &= (shape < Shape.BEYOND) & (own[:, 0] < value - reach) & (value + reach < own[:, 1])
+        found &= (shape < Shape.BEYOND) & (own[:, 0] <= value + reach) & (value - reach <= own[:, 1])
     return found
 
 
