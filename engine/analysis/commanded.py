@@ -278,3 +278,22 @@ class _Stairs(_Tangent):
         for instant, height in self.change.jumps:
             total = total + np.where(t >= instant, height, 0.0)
         return total
+
+
+def span_of(signals: Mapping[str, Signal]) -> tuple[float, float | None]:
+    """Return when the commands start and end, s; the end is None for one that goes on for ever."""
+    start = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
+    ends = [signal.end() for signal in signals.values()]
+    return start, None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
+
+
+def last_start(signals: Mapping[str, Signal]) -> Array:
+    """Return when the last of the commands begins, s, shape (1,)."""
+    return np.array(
+        [max((signal.breakpoints()[0] for signal in signals.values() if signal.breakpoints()), default=0.0)]
+    )
+
+
+def repeats(signals: Mapping[str, Signal]) -> bool:
+    """Return whether a command repeats for ever."""
+    return any(signal.repeats_after() is not None for signal in signals.values())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.analysis.commanded import CommandParameter, Motions
+from engine.analysis.commanded import CommandParameter, Motions, last_start, repeats, span_of
 from engine.analysis.dc_gain import Resting, without_digits
 from engine.analysis.derivatives import differentiated
 from engine.analysis.realized import RealizedDiagram
@@ -177,7 +177,7 @@ class Evaluation(RealizedDiagram):
         response = self.simulated(signals, duration)
         self.output_index(output)
         y, final, verdict = response.output(output), response.finals[output], response.verdicts[output]
-        start, end = _span(signals)
+        start, end = span_of(signals)
         reference = self.diagram.references.input_of(signals, output)
         own = output in self.diagram.references.errors
         error = y if own else y * -1.0
@@ -189,7 +189,7 @@ class Evaluation(RealizedDiagram):
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict, incomplete=_cut_short(response.outcome, duration),
-            loading=_last_start(signals),
+            loading=last_start(signals),
             to_go=_to_go(response, output, y, end),
         )  # fmt: skip
 
@@ -305,7 +305,7 @@ class Evaluation(RealizedDiagram):
         response = self.response_within(signals, [output] if outputs is None else outputs, duration)
         verdict = response.verdicts[output]
         final = response.finals[output]
-        start, end = _span(signals)
+        start, end = span_of(signals)
         motions = self._motions(signals)
         y = error = error_final = incomplete = None
         named = self.diagram.references.input_of(signals, output)
@@ -326,13 +326,13 @@ class Evaluation(RealizedDiagram):
                 target = motions.finals()[:, reference]
             if final is not None and target is not None:
                 error_final = _without_rounding(final if own else target - final, y)
-            elif y is not None and not _repeats(signals) and _has_settled(error, y):
+            elif y is not None and not repeats(signals) and _has_settled(error, y):
                 error_final = error.values[-1, -1]
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict, incomplete=incomplete,
             moving_start=motions.start() if motions else None, moving_end=motions.end() if motions else None,
-            loading=motions.last_start() if motions else _last_start(signals),
+            loading=motions.last_start() if motions else last_start(signals),
             fading=partial(self._fading, signals, output, response),
         )  # fmt: skip
 
@@ -341,7 +341,7 @@ class Evaluation(RealizedDiagram):
 
         None where it does not settle, and where lanes move the commands.
         """
-        _, end = _span(signals)
+        _, end = span_of(signals)
         if response.joint is None or response.finals[output] is None or end is None or self.commands:
             return None
         if response.joint.edges[-1, 0].real <= end:
@@ -383,25 +383,6 @@ def _to_go(response: nonlinear.Response, output: str, y: Curve, end: float | Non
     """Return how far an output that has not settled may still go, where its run shows that and goes on behind the commands."""
     unsettled = response.verdicts[output] is Verdict.NOT_SETTLED and not response.on_its_way
     return still_to_go(y, end) if unsettled and end is not None and end < y.end else None
-
-
-def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:
-    """Return when the commands start and end, s; the end is None for one that goes on for ever."""
-    start = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
-    ends = [signal.end() for signal in signals.values()]
-    return start, None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
-
-
-def _last_start(signals: Mapping[str, Signal]) -> Array:
-    """Return when the last of the commands begins, s, shape (1,)."""
-    return np.array(
-        [max((signal.breakpoints()[0] for signal in signals.values() if signal.breakpoints()), default=0.0)]
-    )
-
-
-def _repeats(signals: Mapping[str, Signal]) -> bool:
-    """Return whether a command repeats for ever."""
-    return any(signal.repeats_after() is not None for signal in signals.values())
 
 
 def _has_settled(error: Curve, y: Curve) -> bool:
