@@ -45,7 +45,8 @@ def held(width: float) -> tuple[np.ndarray, np.ndarray]:
 def largest_sensitivity(kp: float, kd: float) -> float:
     z = np.exp(1j * np.linspace(1e-4, np.pi, 20_001))
     phi, gamma = held(PERIOD)
-    plant = np.array([np.linalg.solve(q * np.eye(2) - phi, gamma)[0] for q in z])
+    whole = z[:, None, None] * np.eye(2) - phi
+    plant = np.linalg.solve(whole, np.broadcast_to(gamma[:, None], (len(z), 2, 1)))[:, 0, 0]
     derivative = FILTER * kd * (1 - 1 / z) / ((1 + FILTER * PERIOD) - 1 / z)
     return float(np.max(1 / np.abs(1 + plant * (kp + derivative))))
 
