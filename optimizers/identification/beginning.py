@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from optimizers.estimation.confidence import covariance
 from optimizers.identification.answers import Samples
@@ -68,7 +68,7 @@ def _statistic(problem: Identification, values: dict[str, float], comparison: Co
     outputs = len(comparison.signals)
     left = np.split(errors.residuals - q @ moved, outputs)
     wide = covariance(np.split(q, outputs), left)
-    return float(moved @ np.linalg.pinv(wide) @ moved), float(chi2.isf(_CHANCE, q.shape[1]))
+    return float(moved @ np.linalg.pinv(wide) @ moved), float(chdtri(q.shape[1], _CHANCE))
 
 
 def _on(columns: Samples, others: Samples) -> Samples:
