@@ -66,6 +66,8 @@ class TimeResponse:
     initials: Mapping[str, Array]
     hidden: tuple[str, ...]
     left: Mapping[str, float]
+    unresolved: UnresolvedError | None = None
+    """Why nobody can follow it until it rests; its verdicts are those of runs that end before."""
 
 
 class Evaluation(RealizedDiagram):
@@ -91,7 +93,7 @@ class Evaluation(RealizedDiagram):
     ) -> None:
         super().__init__(diagram, overrides, gradient, commands)
         self._loops: dict[Opening, LoopSubject] = {}
-        self._responses: dict[tuple[object, ...], TimeResponse | UnresolvedError] = {}
+        self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
         self._fadings: dict[tuple[object, ...], Trajectory] = {}
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
@@ -195,34 +197,19 @@ class Evaluation(RealizedDiagram):
 
     def time_response(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
         """Return the whole response of ``outputs`` to ``signals`` (absent inputs are 0)."""
-        key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(outputs))
-        if key not in self._responses:
-            try:
-                self._responses[key] = self._respond(signals, outputs)
-            except UnresolvedError as error:
-                self._responses[key] = error
-        found = self._responses[key]
-        if isinstance(found, UnresolvedError):
-            raise found
-        return found
+        return self.response_within(signals, outputs, None)
 
     def response_within(
         self, signals: Mapping[str, Signal], outputs: Sequence[str], duration: float | None
     ) -> TimeResponse:
         """Return the whole response; of what nobody can follow until it rests none, where no more than a duration is asked for."""
-        try:
-            return self.time_response(signals, outputs)
-        except UnresolvedError:
-            if duration is None:
-                raise
-            return TimeResponse(
-                joint=None, columns={}, verdicts=dict.fromkeys(outputs, Verdict.NOT_SETTLED), finals=dict.fromkeys(outputs),
-                initials=self._initials(outputs), hidden=(), left={},
-            )  # fmt: skip
-
-    def _initials(self, outputs: Sequence[str]) -> dict[str, Array]:
-        x0 = np.einsum("poi,pi->po", self.rated.c1, self.rated.x0)
-        return {name: x0[:, self.output_index(name)] for name in outputs}
+        key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(outputs))
+        if key not in self._responses:
+            self._responses[key] = self._respond(signals, outputs)
+        found = self._responses[key]
+        if found.unresolved is not None and duration is None:
+            raise found.unresolved
+        return found
 
     def _motions(self, signals: Mapping[str, Signal]) -> Motions | None:
         return Motions(signals=signals, lanes=self.commands) if self.commands else None
@@ -238,7 +225,8 @@ class Evaluation(RealizedDiagram):
             if own.verdict is Verdict.OK:
                 lifetime = max(lifetime, own.lifetime)
         decaying = [name for name in outputs if verdicts[name] is Verdict.OK]
-        initials = self._initials(outputs)
+        x0 = np.einsum("poi,pi->po", self.rated.c1, self.rated.x0)
+        initials = {name: x0[:, self.output_index(name)] for name in outputs}
         finals: dict[str, Array | None] = dict.fromkeys(outputs)
         joint, left = None, {}
         if decaying:
@@ -250,7 +238,13 @@ class Evaluation(RealizedDiagram):
                 gains = self._gains(part, inputs, columns)
                 values = np.asarray((gains @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
-            found = followed(part, signals, lifetime, [finals[name] for name in decaying])
+            try:
+                found = followed(part, signals, lifetime, [finals[name] for name in decaying])
+            except UnresolvedError as error:
+                verdicts.update(dict.fromkeys(decaying, Verdict.NOT_SETTLED))
+                return TimeResponse(
+                    joint=None, columns={}, verdicts=verdicts, finals=finals, initials=initials, hidden=(), left={}, unresolved=error,
+                )  # fmt: skip
             joint = motions.moved(found.response, part) if motions else found.response
             left = {name: float(found.left[k]) for k, name in enumerate(decaying)}
             lost = [
