@@ -85,7 +85,7 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
             *(sentence for e in problem.experiments for sentence in doubted_data(e)),
             *doubted,
             *(sentence for one in shown for sentence in one.apart()),
-            *(() if found is None else begun_moving(problem, search.values(x), search.comparisons)),
+            *(() if found is None else begun_moving(search.problem, search.values(x))),
             *doubts(judged, [tuple(e.recording.inputs) for e in _seen(search, shown)]),
             *doubted_responses(problem.frequency, responses),
             *undecided(tried, estimates),

@@ -72,7 +72,8 @@ class SampledBatch:
                 with suppress(UnresolvedError):
                     self._follow(system.members(rows), rows, found)
         if self._poles:
-            linear, rest = self._diagram.sampled_members(overrides)
+            alone = self._diagram.samplers_alone
+            linear, rest = (system, exist) if alone else self._diagram.sampled_members(overrides)
             for rows in alike(linear, exist & rest):
                 with suppress(UnresolvedError):
                     sampled = sampled_system(linear.members(rows))

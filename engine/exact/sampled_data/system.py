@@ -58,8 +58,7 @@ class Limit:
         place = {int(state): k for k, state in enumerate(states)}
         if self.computed not in place:
             return None
-        others = (None if row is None else place.get(row) for row in (self.output, self.integral))
-        output, integral = others
+        output, integral = (None if row is None else place.get(row) for row in (self.output, self.integral))
         return replace(self, computed=place[self.computed], output=output, integral=integral)
 
 

@@ -15,10 +15,10 @@ from tests.unit.optimizers.test_identified_experiments import H, diagram, identi
 GAIN, LAG = 3.0, 0.4
 
 
-def found(seed: int, *, colour: float, moving: bool, initial_states: bool = False) -> Identified:
+def found(seed: int, *, colour: float, moving: bool, initial_states: bool = False, levels: int = 30) -> Identified:
     """Identify a lag from a recording that begins at rest under its first input, or in motion."""
     random = np.random.default_rng(seed)
-    u = np.repeat(random.choice([-1.0, 1.0], size=30), 20)
+    u = np.repeat(random.choice([-1.0, 1.0], size=levels), 20)
     y, a = np.empty(len(u)), np.exp(-H / LAG)
     y[0] = -GAIN * u[0] if moving else GAIN * u[0]
     for k in range(len(u) - 1):
@@ -43,6 +43,11 @@ def test_a_recording_that_begins_in_motion_is_told_and_one_at_rest_is_not(colour
         assert told(found(seed, colour=colour, moving=False)) == []
         (sentence,) = told(found(seed, colour=colour, moving=True))
         assert sentence.startswith("run does not seem to begin at rest")
+
+
+def test_a_long_recording_is_looked_at_where_it_begins() -> None:
+    for moving in (False, True):
+        assert (told(found(0, colour=0.5, moving=moving, levels=1500)) != []) == moving
 
 
 def test_the_advice_cures_it() -> None:
