@@ -18,7 +18,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup wheels release demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-cluster bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
+.PHONY: help setup wheels image release demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-cluster bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -73,7 +73,10 @@ screenshots: setup  ## write docs/screenshots/ from the pages, with a service of
 wheels: setup  ## build the three distributions into dist/
 	@for each in $(DISTRIBUTIONS); do (cd $$each && $(CURDIR)/$(BIN)/python -m hatchling build --target wheel --directory $(CURDIR)/dist) || exit 1; done
 
-release: wheels  ## the wheels in dist/ with the bill of materials of the image, the licences of its parts, and sums, signed where KEY names an SSH key
+image: setup  ## build the image of the service (podman or docker), see that it has all that it uses, keep it in dist/
+	@$(BIN)/python distributions/image.py
+
+release: wheels $(if $(or $(shell command -v podman),$(shell command -v docker)),image)  ## the wheels and, where podman or docker is installed, the image in dist/ with its bill of materials, the licences of its parts, and sums, signed where KEY names an SSH key
 	@$(BIN)/python distributions/release.py $(KEY)
 
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html

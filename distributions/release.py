@@ -93,7 +93,11 @@ def licences(found: dict[str, Any]) -> str:
 def sums(folder: Path) -> str:
     """Return the SHA-256 of every file, as `sha256sum --check` reads them."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("SHA256SUMS"))
-    return "".join(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files)
+    lines = []
+    for path in files:
+        with path.open("rb") as file:
+            lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()}  {path.name}\n")
+    return "".join(lines)
 
 
 def sign(file: Path, key: Path) -> Path:

@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -71,14 +72,27 @@ def test_every_package_that_is_installed_is_copied_into_the_image() -> None:
 def test_what_runs_is_installed_by_the_lock_of_the_image_alone() -> None:
     final = IMAGE.split("\nFROM ")[-1]
     (home,) = re.findall(r"^COPY --from=build (\S+) ", final, flags=re.MULTILINE)
-    into = [line for line in IMAGE.replace("\\\n", " ").splitlines() if f"{home}/bin/pip install" in line]
+    installing = f"pip --python {home}/bin/python install"
+    into = [line for line in IMAGE.replace("\\\n", " ").splitlines() if installing in line]
     locks = {name for line in into for name in re.findall(r"-r (\S+\.lock)", line)}
     assert locks == {"requirements-image.lock"}
-    assert all(
-        "--no-compile" in command for line in into for command in line.split("&&") if f"{home}/bin/pip" in command
-    )
+    assert all("--no-compile" in command for line in into for command in line.split("&&") if installing in command)
+    assert f"{home}/bin/pip" not in IMAGE
     (kept,) = re.findall(r"PYTHONPYCACHEPREFIX=(\S+)", final)
     assert any(Path(kept).is_relative_to(volume) for volume in re.findall(r"^VOLUME (\S+)$", final, flags=re.MULTILINE))
+
+
+def test_what_the_image_leaves_out_of_its_parts_is_there() -> None:
+    # a later version may name it otherwise, and then the image would not be built, or would be larger than it says
+    installed = Path(np.__file__).parents[1]
+    (left_out,) = re.findall(r"&& rm -r (.*?) && find", IMAGE.replace("\\\n", " "))
+    patterns = left_out.split()
+    assert len(patterns) > 10
+    for pattern in patterns:
+        found = list(installed.glob(pattern))
+        assert found, pattern
+        # what is left has each of the names that programs ask for
+        assert all(path.name not in {"libhighs.so.1", "libarrow_python.so.2600"} for path in found), pattern
 
 
 def test_what_a_container_gets_from_another_stage_is_made_there() -> None:
