@@ -46,6 +46,10 @@ def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae", 
 def _error_to_its_end(subject: TimeSubject) -> Curve | Absent:
     """Return the error from the command's start to the duration, or to where it is 0, or why its integral has no value."""
     refusal = unsettled(subject.verdict) if subject.duration is None else None
+    if refusal is not None and refusal.verdict is Verdict.NOT_SETTLED:
+        # it can be followed for no longer, as other metrics are: its integral would have no end then either
+        advice = "the output goes on moving, so that the integral of its error has no end: give a duration"
+        return Absent(verdict=Verdict.NOT_SETTLED, advice=advice)
     if refusal is not None:
         return refusal
     assert subject.error is not None

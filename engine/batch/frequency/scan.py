@@ -88,7 +88,7 @@ class Scan:
     ----------
     path : Path
     slowest : ndarray, shape (B,), optional
-        How slowly what the path belongs to decays, where the scan has to begin far below. Frequencies then depend on who is scanned together.
+        How slowly what the path belongs to decays, where the scan has to begin far below.
     """
 
     def __init__(self, path: Path, slowest: Array | None = None) -> None:
@@ -114,8 +114,18 @@ class Scan:
         if path.sampled:
             fast = np.abs(2 + self._poles) < _AT_NYQUIST
             self._poles = self._poles / np.where(fast, _AT_NYQUIST, 2 + self._poles)
-        self.frequencies = self._grid(slowest)
-        self.response = self.at(np.arange(batch), self.frequencies)
+        low, high, counts = self._reach(slowest)
+        # Each has its own frequencies, whoever is beside it, and their response is computed for those alone that have as many: the order
+        # in which sums are taken depends on the number. Whoever has fewer repeats its last one, where nothing happens.
+        grids = {int(count): np.flatnonzero(counts == count) for count in np.unique(counts)}
+        width = self._grid(low[:1], high[:1], max(grids, default=0), np.arange(1)).shape[1] if batch else 0
+        self.frequencies, self.response = np.empty((batch, width)), np.empty((batch, width), dtype=complex)
+        for count, rows in grids.items():
+            omega = self._grid(low[rows], high[rows], count, rows)
+            own, last = omega.shape[1], omega.shape[1] - 1
+            self.frequencies[rows, :own], self.response[rows, :own] = omega, self.at(rows, omega)
+            self.frequencies[rows, own:] = omega[:, last:]
+            self.response[rows, own:] = self.response[rows, last][:, None]
 
     def at(self, rows: Array, omega: Array) -> Array:
         """Return G(jω) of systems ``rows`` (k,) at their own frequencies ``omega`` (k, q)."""
@@ -147,18 +157,26 @@ class Scan:
         )
         return np.asarray(inner[..., 0, 0] + (inner[..., :1, 1:] @ delayed)[..., 0, 0])
 
-    def _grid(self, slowest: Array | None) -> Array:
-        """Return rising frequencies (B, q): a logarithmic sweep, the neighbourhood of every pole, the turns of the delays."""
+    def _reach(self, slowest: Array | None) -> tuple[Array, Array, Array]:
+        """Return the lowest and the highest corner (B,), and how many frequencies are between and about them (B,)."""
         size = np.abs(self._poles)
         top = size.max(axis=1, initial=0.0)
-        delay = self._tau.sum(axis=1)
-        inverse = 1.0 / np.where(delay > 0, delay, np.inf)
+        inverse = self._inverse_delay()
         corner = np.where(size > 1e-9 * top[:, None], size, np.inf).min(axis=1, initial=np.inf)
         low = np.minimum(corner, np.where(inverse > 0, inverse, np.inf))
         low = np.where(np.isfinite(low), low, 1.0)
         low = low if slowest is None else np.minimum(low, slowest)
         high = np.maximum(np.maximum(top, inverse), low)
-        count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
+        decades = np.ceil(np.log10(100 * high / low))
+        return low, high, np.clip(_PER_DECADE * decades, 64, 400).astype(int)
+
+    def _inverse_delay(self) -> Array:
+        delay = self._tau.sum(axis=1)
+        return np.asarray(1.0 / np.where(delay > 0, delay, np.inf))
+
+    def _grid(self, low: Array, high: Array, count: int, rows: Array) -> Array:
+        """Return rising frequencies (k, q) of systems ``rows``: a logarithmic sweep, the neighbourhood of every pole, the turns of the delays."""
+        poles, inverse = self._poles[rows], self._inverse_delay()[rows]
         inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
         tails = np.concatenate(
             [
@@ -167,10 +185,11 @@ class Scan:
             ],
             axis=1,
         )
-        width = np.maximum(np.abs(self._poles.real), 1e-9 * size)
+        size = np.abs(poles)
+        width = np.maximum(np.abs(poles.real), 1e-9 * size)
         # both poles of a pair have their places: no frequency stands twice, between whose neighbours nothing would be seen to turn
-        places = np.where(self._poles.imag[:, :, None] < 0, _BETWEEN, _AROUND)
-        around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * places
+        places = np.where(poles.imag[:, :, None] < 0, _BETWEEN, _AROUND)
+        around = np.abs(poles.imag)[:, :, None] + width[:, :, None] * places
         pieces = [inside, tails, around.reshape(len(low), -1)]
         if self._tau.shape[1]:
             pieces.append(np.where(inverse > 0, inverse, low)[:, None] * 0.25 * np.arange(1, _TURNS + 1))

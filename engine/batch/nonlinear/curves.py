@@ -356,7 +356,8 @@ class Curves:
                 error = np.where(place == root, 0.0, _parabola(place, first, mid, last))
                 total += weight * (end - begin) * of(error, t[k, 0] + place * widths[k, 0])
         whole[k, b] = widths[k, 0] * total / 6
-        return np.asarray(whole[self.times[:-1] >= self.start].sum(axis=0))
+        # one after the other: a sum would take those of a candidate that is alone in another order
+        return np.asarray(np.add.accumulate(whole[self.times[:-1] >= self.start], axis=0)[-1])
 
     def _near(self, b: npt.NDArray[np.intp]) -> Real:
         return np.asarray(1e-7 * self.size[b])

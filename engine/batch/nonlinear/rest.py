@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance
 
+from engine.batch.frequency.balance import balance
 from engine.batch.nonlinear.arithmetic import Formulas, operands
 from engine.batch.nonlinear.equations import Equations
 from engine.batch.nonlinear.slopes import slopes
@@ -127,7 +127,7 @@ class Rest:
         x = unknowns.copy()
         open_: Flags = np.asarray(np.isfinite(unknowns).all(axis=0))
         found, single = np.zeros(batch, dtype=bool), np.zeros(batch, dtype=bool)
-        scale = np.ones(n)
+        scale = np.ones((batch, n))
         with np.errstate(all="ignore"):
             for iteration in range(_ITERATIONS):
                 values[self._places.unknowns] = x
@@ -137,8 +137,8 @@ class Rest:
                 if not open_.any():
                     break
                 if iteration == 0:
-                    scale = np.diag(matrix_balance(slope[np.argmax(open_)], permute=False)[1])
-                balanced = np.where(open_[:, None, None], slope * scale / scale[:, None], np.eye(n))
+                    scale = balance(np.where(open_[:, None, None], slope, 0.0))
+                balanced = np.where(open_[:, None, None], slope * scale[:, None] / scale[:, :, None], np.eye(n))
                 try:
                     u, s, v = np.linalg.svd(balanced)
                 except np.linalg.LinAlgError:
