@@ -2,7 +2,8 @@
 
 Chunk after chunk, some at a time: their bytes are written to the other side and read back, and then one transaction says where
 they lie. Whenever it is cut off, each chunk lies where its row says, and what was written in vain is swept (an object) or was never
-committed (a row); the next run goes on. Who reads a chunk that moves at that moment looks again (`storage.blobs.encoded`).
+committed (a row); the next run goes on. Who reads a chunk that moves at that moment looks again (`storage.blobs.encoded`). An object
+that was named is swept a day after nothing has named it any more, for backups name objects.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Row, func, select, tuple_, update
+from sqlalchemy import Row, delete, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from storage.blobs import PLACE
 from storage.errors import CopyError
-from storage.models import BlobChunk
+from storage.insertion import insert_if_absent
+from storage.models import BlobChunk, UnnamedObject
+from storage.models.base import utc_now
 from storage.objects import ObjectStore
 from storage.session import Database
 
@@ -75,9 +78,10 @@ def move(database: Database, *, to_objects: bool, tell: Tell = lambda _chunks, _
 
 
 def forget_objects(database: Database, *, before: datetime) -> int:
-    """Delete objects that no chunk names, of those written before; return how many.
+    """Delete objects that no chunk names, written and first found unnamed before ``before``; return how many.
 
-    Whoever wrote one must have committed or given up by now: give it more time than a transaction may take.
+    Whoever wrote one must have committed or given up by now: give it more time than a transaction may take. What chunks named until
+    lately, backups of that time still do: it is kept for as long.
     """
     store = database.objects
     if store is None:
@@ -85,11 +89,25 @@ def forget_objects(database: Database, *, before: datetime) -> int:
     count = 0
     for names in store.older(before):
         with database.session() as session:
-            named = set(session.scalars(select(BlobChunk.object).where(BlobChunk.object.in_(names))))
-        waste = [name for name in names if name not in named]
+            waste = _unnamed_since(session, names, before=before)
         store.delete(waste)
         count += len(waste)
+    with database.session() as session:  # these are gone, by this way or another
+        session.execute(delete(UnnamedObject).where(UnnamedObject.since < before))
     return count
+
+
+def _unnamed_since(session: Session, names: Sequence[str], *, before: datetime) -> list[str]:
+    """Note which of these objects no chunk names; return those that were found so before ``before``."""
+    named = set(session.scalars(select(BlobChunk.object).where(BlobChunk.object.in_(names))))
+    found = session.execute(select(UnnamedObject.object, UnnamedObject.since).where(UnnamedObject.object.in_(names)))
+    known = {row.object: row.since for row in found}
+    session.execute(delete(UnnamedObject).where(UnnamedObject.object.in_(named & known.keys())))
+    now = utc_now()
+    for name in names:
+        if name not in named and name not in known:
+            insert_if_absent(session, UnnamedObject, object=name, since=now)
+    return [name for name in names if name not in named and known.get(name, now) < before]
 
 
 def _to_objects(database: Database, store: ObjectStore, rows: Sequence[Row[*tuple[Any, ...]]]) -> list[int]:
@@ -111,7 +129,7 @@ def _to_database(database: Database, store: ObjectStore, rows: Sequence[Row[*tup
             _say(session, row, BlobChunk.object == row.object, data=content, object=None)
             for row, content in zip(rows, contents, strict=True)
         ]
-    store.delete([row.object for row, took in zip(rows, taken, strict=True) if took])
+    # the objects stay until they are swept: backups that were made before name them
     return [len(content) for content, took in zip(contents, taken, strict=True) if took]
 
 

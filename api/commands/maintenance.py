@@ -227,6 +227,8 @@ def move_blobs(argv: Sequence[str]) -> int:
                 database, to_objects=given.to == "objects", tell=lambda chunks, _: _progress("chunks", chunks)
             )
         _say(f"{moved.chunks} chunks with {moved.bytes} bytes moved and verified")
+        if given.to == "database" and moved.chunks:
+            _say("their objects stay for a day, because earlier backups name them: make a new backup")
         if moved.left:
             _complain(
                 f"{moved.left} chunks were written to the old side meanwhile: start the service and its workers with "

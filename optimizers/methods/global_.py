@@ -217,19 +217,23 @@ def _evolve(
     )  # fmt: skip
     best = (math.inf, math.inf)
     waited, generation, steps, done = 0, 0, _STEP, 0.0
-    while waited < patience and steps > _FINE:
+    narrowed = False
+    while waited < patience and steps > _FINE and not narrowed:
         asked = strategy.ask()
         fresh = generation == len(run.told)
         if fresh:
             run.told.append(_compared(tracker, np.clip(np.array(asked)[:, :variables], 0.0, 1.0)))
         told = run.told[generation]
-        strategy.tell(asked, told.places.tolist())
+        try:
+            strategy.tell(asked, told.places.tolist())
+        except RuntimeError:  # rounding has left one of its variances below 0: it comes no nearer
+            narrowed = True
         waited = 0 if told.leader < best else waited + 1
         best = min(best, told.leader)
         generation += 1
         if fresh and isinstance(tracker.monitor, Keeper):
             tracker.monitor.keep(run.document(tracker, ends))
-        steps = float(strategy.sigma) * float(np.max(strategy.sm.variances[:variables]) ** 0.5)
+        steps = float(strategy.sigma) * float(np.maximum(strategy.sm.variances[:variables], 0.0).max() ** 0.5)
         # Steps shrink by orders of magnitude at a steady rate: the measure of how far the run has come. It never goes back,
         # though a step grows now and then and a better point ends the waiting.
         done = max(done, math.log(_STEP / max(steps, _FINE)) / math.log(_STEP / _FINE), waited / patience)

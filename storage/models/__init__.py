@@ -13,7 +13,7 @@ from storage.models.acquisition import (
     Rig,
 )
 from storage.models.base import Base
-from storage.models.blob import Blob, BlobChunk
+from storage.models.blob import Blob, BlobChunk, UnnamedObject
 from storage.models.comment import Comment
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
 from storage.models.idempotency import Idempotency
@@ -67,6 +67,7 @@ __all__ = [
     "System",
     "SystemRevision",
     "Ticket",
+    "UnnamedObject",
     "Webhook",
     "WebhookDelivery",
     "Worker",

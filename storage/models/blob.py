@@ -31,3 +31,12 @@ class BlobChunk(Base):
     encoding: Mapped[str] = mapped_column(Word)
     data: Mapped[bytes]
     object: Mapped[str | None] = mapped_column(ObjectName)
+
+
+class UnnamedObject(Base):
+    """An object of the store that no chunk named when it was looked for, and since when: a backup may name it for a while."""
+
+    __tablename__ = "unnamed_object"
+
+    object: Mapped[str] = mapped_column(ObjectName, primary_key=True)
+    since: Mapped[datetime] = mapped_column(default=utc_now)

@@ -6,8 +6,10 @@ import math
 
 import pytest
 
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.signals import make
 from optimizers.methods import minimize
-from optimizers.problem import Problem
+from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from optimizers.search.result import Status, Unwatched
 from tests.unit.optimizers.landscapes import landscape
 
@@ -77,3 +79,35 @@ def test_a_cancel_is_heard() -> None:
     result = minimize("global", valleys(), monitor=Impatient())
     assert result.status is Status.CANCELLED
     assert result.history
+
+
+def test_an_evolution_whose_samples_fall_together_ends_with_what_it_has() -> None:
+    """Half of a large population lies on the limit: rounding leaves the strategy with a variance below 0, and it refuses to go on."""
+    wires = ["reference -> error.in1", "drive -> error.in2", "error -> controller", "controller -> drive"]
+    loop = compile_system(
+        System(
+            name="position loop",
+            parameters={"kp": Parameter(value=4.0, lower=0.5, upper=40.0, scale="log")},
+            blocks={
+                "reference": Block(kind="input"),
+                "error": Block(kind="sum", values={"signs": "+-"}),
+                "controller": Block(kind="gain", values={"gain": "=kp"}),
+                "drive": Block(kind="transfer_function", values={"numerator": [1.0], "denominator": [0.05, 1.0, 0.0]}),
+            },
+            connections=tuple(Connection(source=a, target=b) for a, b in (wire.split(" -> ") for wire in wires)),
+            outputs={"position": "drive"},
+        )
+    )
+    problem = Problem(
+        diagram=loop,
+        variables=(Variable(parameter="kp", lower=0.5, upper=40.0),),
+        experiments=(Experiment(name="step", signals={"reference": make("step", {})}),),
+        goals=(
+            Goal(metric="response_time", experiment="step", output="position", sense=Sense.MINIMIZE),
+            Goal(metric="overshoot", experiment="step", output="position", upper=0.05),
+        ),
+    )
+    result = minimize("global", problem, {"seed": 5, "population": 200, "restarts": 2, "max_evaluations": 400_000})
+    assert result.status is Status.CONVERGED
+    damping = -math.log(0.05) / math.hypot(math.pi, math.log(0.05))  # of an overshoot of 5 %
+    assert result.best["kp"] == pytest.approx(1 / (4 * 0.05 * damping**2), rel=1e-4)
