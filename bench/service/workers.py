@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from bench.service.processor import processor_time
 from storage import Database, open_database
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE, JobStatus
@@ -100,18 +101,20 @@ def work(url: str, *, jobs: int, seconds: float) -> dict[int, float]:
     return taken
 
 
-def rates(url: str, *, jobs: int) -> dict[str, float]:
-    """Return jobs asked for in a second, and jobs done in a second by one worker and by two."""
+def rates(url: str, *, jobs: int) -> tuple[dict[str, float], float]:
+    """Return jobs asked for in a second, and done in a second by one worker and by two; and the processor time (s) of Postgres that a job took by two."""
     found = {}
+    spent = 0.0
     for number in (1, 2):
         desk = Desk(url)
         with working(desk, url, number):
-            begun = time.perf_counter()
+            spent, begun = processor_time("postgres"), time.perf_counter()
             asked = [desk.ask("nothing") for _ in range(jobs)]
             found["asked"] = jobs / (time.perf_counter() - begun)
             begun = time.perf_counter()
             for job in asked:
                 desk.wait(job)
             found[f"done, {number} worker{'s' * (number > 1)}"] = jobs / (time.perf_counter() - begun)
+            spent = (processor_time("postgres") - spent) / jobs
         desk.close()
-    return found
+    return found, spent

@@ -121,7 +121,6 @@ class _Run:
 
     def document(self, tracker: Tracker, ends: list[tuple[float, float]]) -> dict[str, Any]:
         """Return the search as it is now, in plain numbers."""
-        assert tracker.best is not None
         return {
             "kind": "global",
             "run": self.number,
@@ -130,17 +129,13 @@ class _Run:
             "randomness": self.randomness,
             "told": [[base64.b64encode(told.places.tobytes()).decode(), *_plain(told.leader)] for told in self.told],
             "ends": [_plain(end) for end in ends],
-            "best": tracker.best.tolist(),
-            "rank": _plain(tracker.rank),
-            "evaluations": tracker.evaluator.evaluations,
+            **tracker.document(),
         }
 
     @staticmethod
     def of(state: Mapping[str, Any], tracker: Tracker, ends: list[tuple[float, float]]) -> _Run:
         """Return the evolution that a state describes; the tracker and ``ends`` are as they were then."""
-        tracker.evaluator.evaluations = int(state["evaluations"])
-        violation, objective = _rank(*state["rank"])
-        tracker.offer(np.array(state["best"], dtype=float), objective, violation)
+        tracker.restore(state)
         ends += [_rank(*end) for end in state["ends"]]
         return _Run(
             number=int(state["run"]),

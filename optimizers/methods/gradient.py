@@ -128,37 +128,6 @@ class Gradient(Method):
         return conclude(tracker, best, status, advice)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _State:
-    """Where a search is: which starts are still to come, the best point and its rank, and the evaluations until here."""
-
-    left: list[Vector]
-    best: Vector
-    rank: tuple[float, float]
-    evaluations: int
-
-    def document(self) -> dict[str, Any]:
-        """Return the state in plain numbers; what is infinite is None."""
-        return {
-            "kind": "gradient",
-            "left": [start.tolist() for start in self.left],
-            "best": self.best.tolist(),
-            "rank": [number if np.isfinite(number) else None for number in self.rank],
-            "evaluations": self.evaluations,
-        }
-
-    @staticmethod
-    def of(document: Mapping[str, Any]) -> _State:
-        """Return the state that such numbers describe."""
-        violation, objective = (np.inf if number is None else number for number in document["rank"])
-        return _State(
-            left=[np.array(start, dtype=float) for start in document["left"]],
-            best=np.array(document["best"], dtype=float),
-            rank=(float(violation), float(objective)),
-            evaluations=int(document["evaluations"]),
-        )
-
-
 def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
     """Search, polish the best point and prove it."""
     margins = np.full(len(tracker.evaluator.problem.goals), SAFETY)
@@ -166,14 +135,13 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
     # Drawn before anything is known, so that a run that goes on later draws the same.
     for_sample, *clouds = rng.spawn(starts + 2)
     plan = _Plan.of(tracker.evaluator.cost, len(tracker.evaluator.problem.axes), starts)
-    kept = kept_by(tracker.monitor, "gradient")
+    kept = kept_by(tracker.monitor, Gradient.kind)
     if kept is None:
         tracker.monitor.progress(0.0, "sampling")
         left = _apart(_sample(tracker, for_sample, plan.sample), plan.starts)
     else:
-        state = _State.of(kept)
-        left, tracker.evaluator.evaluations = state.left, state.evaluations
-        tracker.offer(state.best, state.rank[1], state.rank[0])
+        left = [np.array(start, dtype=float) for start in kept["left"]]
+        tracker.restore(kept)
     descent, count = Descent(tracker, margins), len(left)
     while left:
         begin = 0.2 + 0.4 * (1 - len(left) / count)
@@ -184,10 +152,9 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
         descent.run(left[0], evaluations=plan.descent)
         left = left[1:]
         if keeper is not None and tracker.best is not None:
-            state = _State(
-                left=left, best=tracker.best, rank=tracker.rank, evaluations=tracker.evaluator.evaluations
+            keeper.keep(
+                {"kind": Gradient.kind, "left": [start.tolist() for start in left], **tracker.document()}
             )  # fmt: skip
-            keeper.keep(state.document())
     assert tracker.best is not None
     around = plan.last_descent + math.prod(plan.last_cloud)
     tracker.stage(0.6, 0.85, "searching around the best point", evaluations=around)

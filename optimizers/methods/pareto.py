@@ -190,9 +190,7 @@ class _Search:
                 "spent": self.spent,
                 "candidates": self._candidates.document(),
                 "randomness": self._rng.bit_generator.state,
-                "best": tracker.best.tolist(),
-                "rank": [number if math.isfinite(number) else None for number in tracker.rank],
-                "evaluations": tracker.evaluator.evaluations,
+                **tracker.document(),
                 **stage,
             }
         )
@@ -203,9 +201,7 @@ class _Search:
         self.spent = bool(kept["spent"])
         self._candidates.restore(kept["candidates"])
         self._rng.bit_generator.state = kept["randomness"]
-        tracker.evaluator.evaluations = int(kept["evaluations"])
-        violation, objective = (math.inf if number is None else float(number) for number in kept["rank"])
-        tracker.offer(np.array(kept["best"], dtype=float), objective, violation)
+        tracker.restore(kept)
         if "refinement" in kept:
             self._refinement = Refinement.of(kept["refinement"], problem)
         else:

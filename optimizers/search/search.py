@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -180,6 +180,40 @@ class Tracker:
             self.history.append(point)
             self.monitor.best(count, objective, violation, variables)
 
+    def document(self) -> dict[str, Any]:
+        """Return in plain numbers how far it has come, what is infinite as None; there must be a best point."""
+        assert self.best is not None
+        return {
+            "best": self.best.tolist(),
+            "rank": [_plain(number) for number in self.rank],
+            "evaluations": self.evaluator.evaluations,
+            "history": [
+                [
+                    point.evaluation,
+                    _plain(point.objective),
+                    _plain(point.violation),
+                    point.seconds,
+                    dict(point.variables),
+                ]
+                for point in self.history
+            ],
+        }
+
+    def restore(self, document: Mapping[str, Any]) -> None:
+        """Be where such numbers say, with all that was found before."""
+        self.evaluator.evaluations = int(document["evaluations"])
+        violation, objective = (np.inf if number is None else float(number) for number in document["rank"])
+        self.offer(np.array(document["best"], dtype=float), objective, violation)
+        told = document.get("history")
+        if told:  # earlier versions kept none
+            self.history = [
+                HistoryPoint(
+                    evaluation=int(count), objective=np.nan if value is None else float(value),
+                    violation=np.inf if excess is None else float(excess), seconds=float(seconds), variables=variables,
+                )
+                for count, value, excess, seconds, variables in told
+            ]  # fmt: skip
+
     def prove(self, position: Vector, promised: float) -> None:
         """Take note of the relative gain that slopes promise around a point; of the best one if that lies no farther away."""
         if self.best is not None and np.abs(self.best - position).max() <= NEAR:
@@ -189,6 +223,10 @@ class Tracker:
     def seconds(self) -> float:
         """Time since the search began."""
         return time.perf_counter() - self.started
+
+
+def _plain(number: float) -> float | None:
+    return float(number) if np.isfinite(number) else None
 
 
 def _never() -> None:

@@ -17,7 +17,7 @@ from optimizers.identification import identify
 from optimizers.methods.least_squares import Reached, minimize_squares
 from optimizers.problem import Uncertain, Variable
 from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
-from optimizers.search.result import Share, Unwatched
+from optimizers.search.result import Result, Share, Unwatched
 from optimizers.solving.solve import solve
 from tests.unit.optimizers.drive import fastest, pid_loop
 from tests.unit.optimizers.landscapes import landscape
@@ -81,6 +81,11 @@ class Memory(Unwatched):
         return None if self.state is None else json.loads(self.state)
 
 
+def steps(result: Result) -> list[tuple[Any, ...]]:
+    """Return the history of a search, but for its times."""
+    return [(point.evaluation, point.objective, point.violation, dict(point.variables)) for point in result.history]
+
+
 @pytest.mark.parametrize(
     ("method", "options", "after"),
     [
@@ -102,6 +107,7 @@ def test_a_search_goes_on_where_it_was(method, options, after) -> None:
     assert resumed.best == result.best
     assert resumed.objective == result.objective
     assert resumed.evaluations == result.evaluations
+    assert steps(resumed) == steps(result)
     assert second.count == whole.count - after
 
 
@@ -173,6 +179,7 @@ def test_a_search_for_a_front_goes_on_where_it_was(after: int) -> None:
     assert result.front is not None
     assert resumed.front is not None
     assert resumed.front.points == result.front.points
+    assert steps(resumed) == steps(result)
     assert resumed.evaluations == result.evaluations
     assert second.count == whole.count - after
 
