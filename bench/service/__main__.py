@@ -77,6 +77,15 @@ def main() -> None:
             )
 
 
+def queue(name: str, url: str, *, jobs: int) -> None:
+    """Print how fast jobs come and go, and what one takes from a database that is a server."""
+    rates, spent = workers.rates(url, jobs=jobs)
+    for what, rate in rates.items():
+        print(f"{name}: jobs {what}: {rate:.0f}/s")
+    if spent:
+        print(f"{name}: a job takes {1000 * spent:.1f} ms of its processor time, from the request to its end")
+
+
 def at_rest(url: str, *, workers: int) -> str:
     """Return the line of workers that have nothing to do."""
     rest = resting(url, workers=workers, seconds=30.0)
