@@ -50,13 +50,7 @@ def main() -> None:
                 return postgres.create_database(server, what)
 
             if given.only is None:
-                rates, spent = workers.rates(fresh("rates"), jobs=given.jobs)
-                for what, rate in rates.items():
-                    print(f"{name}: jobs {what}: {rate:.0f}/s")
-                if spent:
-                    print(
-                        f"{name}: a job takes {1000 * spent:.1f} ms of its processor time, from the request to its end"
-                    )
+                queue(name, fresh("rates"), jobs=given.jobs)
                 lasted = workers.work(fresh("work"), jobs=given.long, seconds=given.work)
                 print(
                     f"{name}: {given.long} jobs of {given.work:g} s: 1 worker {lasted[1]:.1f} s, 2 workers {lasted[2]:.1f} s, {lasted[1] / lasted[2]:.2f}x"
