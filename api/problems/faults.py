@@ -13,6 +13,7 @@ from engine import elements, signals
 
 _MOST_FAULTS = 50
 _LONGEST_SHOWN = 80
+_MOST_NAMES = 20
 
 
 def validation_problem(errors: Sequence[Any], body: Any) -> Problem:
@@ -38,9 +39,12 @@ def _fault(error: dict[str, Any], body: Any) -> Fault:
     if kind in {"union_tag_invalid", "union_tag_not_found"} and isinstance(error.get("input"), dict):
         expected = error.get("ctx", {}).get("expected_tags", "")
         got = error["input"].get("kind")
-        near = get_close_matches(got, re.findall(r"'(.*?)'", expected), n=1) if isinstance(got, str) else []
+        known = re.findall(r"'(.*?)'", expected)
+        near = get_close_matches(got, known, n=1) if isinstance(got, str) else []
         meant = f" (was {near[0]!r} meant?)" if near else ""
-        detail = f"kind must be one of {expected or 'the catalogue'}, got {_shown(got)}{meant}"
+        # a hundred names would hide the one that was meant
+        all_of_them = f"the {len(known)} in the catalogue" if near and len(known) > _MOST_NAMES else expected
+        detail = f"kind must be one of {all_of_them or 'the catalogue'}, got {_shown(got)}{meant}"
         return Fault(place=(*place, "kind"), detail=detail)
     return Fault(place=place, detail=sentence(name, error) + (_meant(location) if kind == "extra_forbidden" else ""))
 

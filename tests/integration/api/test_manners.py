@@ -40,7 +40,7 @@ from tests.support.patience import PATIENCE
         (
             ("POST", "/v1/systems", {"json": LAG | {"blocks": {"a": {"kind": "integrater"}}}}),
             422,
-            "got 'integrater' (was 'integrator' meant?)",
+            "in the catalogue, got 'integrater' (was 'integrator' meant?)",
         ),
         (
             ("POST", "/v1/systems", {"json": LAG | {"blocks": {"a": {"kind": "gain", "gain": 1, "gian": 2}}}}),
