@@ -10,6 +10,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from api.formats.exactness import Reading, Rounded
+
 Values = npt.NDArray[np.float64]
 
 PIECE = 1 << 17
@@ -169,6 +171,8 @@ class Recording:
         Samples of a channel that the file says it has.
     functions : sequence of SpectralFunction
         What is measured over frequency, which is no channel.
+    rounded : Rounded
+        How many values float64 does not hold, known once they have been read.
     close : callable
         Lets go of what was opened to read the file; the file itself is its owner's.
     """
@@ -181,25 +185,39 @@ class Recording:
     remarks: Sequence[str] = ()
     stated_count: int | None = None
     functions: Sequence[SpectralFunction] = ()
+    rounded: Rounded = field(default_factory=Rounded)
     close: Callable[[], None] = _nothing
 
 
-def by_channel(counts: Sequence[int], part: Callable[[int, int, int], npt.NDArray[Any]]) -> Read:
+def by_channel(
+    series: Sequence[Series],
+    part: Callable[[int, int, int], npt.NDArray[Any]],
+    rounded: Rounded,
+    *,
+    scale: float = 1.0,
+) -> Read:
     """Return the reading of channels that lie one after the other.
 
     Parameters
     ----------
-    counts : sequence of int
-        Samples of each channel of the file.
+    series : sequence of Series
+        The channels of the file, with their counts.
     part : callable
         Returns the samples start <= i < stop of a channel (channel, start, stop), in any type of number.
+    rounded : Rounded
+        Is told how many of them float64 does not hold.
+    scale : float
+        What they are multiplied by as float64.
     """
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        reading = Reading(rounded)
         for position, channel in enumerate(wanted):
-            for start in range(0, counts[channel], PIECE):
-                stop = min(start + PIECE, counts[channel])
-                yield position, np.asarray(part(channel, start, stop), dtype=np.float64)
+            one = series[channel]
+            assert one.count is not None
+            for start in range(0, one.count, PIECE):
+                values = reading.floats(one.name, part(channel, start, min(start + PIECE, one.count)))
+                yield position, values if scale == 1.0 else values * scale
 
     return read
 

@@ -26,6 +26,7 @@ from api.formats import (
     text_reason,
 )
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, started, stated_rate
+from api.formats.exactness import Reading, Rounded
 
 _LARGEST_CHUNK, _LARGEST_DENSE = 256 << 20, 32 << 20
 """Bytes of a chunk, which is unpacked as a whole: of any, and of one that is packed as densely as no measurement is."""
@@ -99,6 +100,7 @@ def _recording(
 ) -> Recording:
     parts: list[Part] = []
     scalars: dict[str, float] = {}
+    rounded = Rounded()
     # MATLAB's columns are the rows of HDF5
     shapes = [array.shape[::-1] if matlab else array.shape for array in arrays]
     lines = line_counts(zip(names, shapes, strict=True))
@@ -107,7 +109,7 @@ def _recording(
             if _is_complex(array):
                 refused[name] = ONE_COMPLEX
             else:
-                scalars[name] = float(np.asarray(array[()]).reshape(-1)[0])
+                scalars[name] = float(Reading(rounded).floats(name, np.asarray(array[()]).reshape(-1))[0])
             continue
         bounded(f"the values of {name}", math.prod(shape))
         more, reason = parts_of(name, shape, array=i, is_complex=_is_complex(array), lines=lines)
@@ -138,7 +140,8 @@ def _recording(
         rate, remarks = stated_rate(scalars)
     return Recording(
         series=series,
-        read=by_channel([one.count for one in parts], part),
+        read=by_channel(series, part, rounded),
+        rounded=rounded,
         refused=refused,
         scalars=scalars,
         layout={"sample_rate": rate} if rate else {},

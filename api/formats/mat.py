@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,7 @@ from api.formats import (
     text_reason,
 )
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, started, stated_rate
+from api.formats.exactness import Reading, Rounded
 from api.formats.writing.mat import HEADER, UNITS
 
 _HEAD = 128
@@ -116,12 +117,13 @@ def _found(file: BinaryIO, size: int, order: str, undo: ExitStack) -> _Found:
 def _recording(found: _Found, close: Callable[[], None]) -> Recording:
     parts: list[Part] = []
     scalars: dict[str, float] = {}
+    rounded = Rounded()
     names = [array.name for array in found.arrays]
     lines = line_counts((array.name, array.shape) for array in found.arrays)
     for i, array in enumerate(found.arrays):
         if array.shape and all(n == 1 for n in array.shape):
             if array.imaginary is None:
-                scalars[array.name] = float(_values(array, 0, 1)[0])
+                scalars[array.name] = float(Reading(rounded).floats(array.name, _values(array, 0, 1))[0])
             else:
                 found.refused[array.name] = ONE_COMPLEX
             continue
@@ -130,7 +132,7 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
         if reason:
             found.refused[array.name] = reason
 
-    def part(channel: int, start: int, stop: int) -> npt.NDArray[np.float64]:
+    def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
         one = parts[channel]
         array = found.arrays[one.array]
         # column after column
@@ -151,9 +153,11 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
     units = [found.texts.get(f"{UNITS}.{name}", "") or frequency_unit(name, names, found.texts) for name in names]
     for told in ("start_time",) * (start is not None) + tuple(f"{UNITS}.{name}" for name in names):
         found.refused.pop(told, None)
+    series = [replace(one, start_time=start) for one in series_of(parts, units)]
     return Recording(
-        series=[replace(one, start_time=start) for one in series_of(parts, units)],
-        read=by_channel([one.count for one in parts], part),
+        series=series,
+        read=by_channel(series, part, rounded),
+        rounded=rounded,
         refused=found.refused,
         scalars=scalars,
         layout={"sample_rate": rate} if rate else {},
@@ -169,11 +173,11 @@ def _start_of(found: _Found) -> datetime | None:
     return started(found.texts.get("start_time", ""), first)
 
 
-def _values(array: _Array, start: int, stop: int, *, imaginary: bool = False) -> npt.NDArray[np.float64]:
+def _values(array: _Array, start: int, stop: int, *, imaginary: bool = False) -> npt.NDArray[Any]:
     offset, dtype = array.imaginary if imaginary and array.imaginary else (array.offset, array.dtype)
     width = np.dtype(dtype).itemsize
     array.file.seek(offset + start * width)
-    return np.frombuffer(array.file.read((stop - start) * width), dtype=dtype).astype(np.float64)
+    return np.frombuffer(array.file.read((stop - start) * width), dtype=dtype)
 
 
 def _tag(file: BinaryIO, order: str, position: int, end: int) -> tuple[int, int, int, int]:

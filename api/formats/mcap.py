@@ -26,6 +26,7 @@ from api.formats import (
     Values,
     proportionate,
 )
+from api.formats.exactness import Reading, Rounded, inexact_whole
 from api.formats.ros import LONGEST_ARRAY, decoder_of
 
 _BLOCK = PIECE // 16
@@ -70,25 +71,29 @@ def open_file(file: BinaryIO) -> Recording:
             f"only the first {MOST_CHANNELS} of a topic are taken, it has more: record those that matter in a topic of their own"
         )
 
+    rounded = Rounded()
+
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
-        asked: dict[str, list[tuple[int, str]]] = {}
+        reading = Reading(rounded)
+        asked: dict[str, list[tuple[int, str, str]]] = {}
         for position, place in enumerate(wanted):
             name, path = places[place]
-            asked.setdefault(name, []).append((position, path))
-        blocks: dict[str, list[dict[str, float]]] = {name: [] for name in asked}
+            asked.setdefault(name, []).append((position, path, series[place].name))
+
+        blocks: dict[str, list[dict[str, int | float]]] = {name: [] for name in asked}
         for _, channel, message in messages(list(asked)):
             block = blocks[channel.topic]
             found = dict(_numbers(topics[channel.topic].decode(message.data)))
             found[""] = (message.log_time - begin) * 1e-9
             block.append(found)
             if len(block) == _BLOCK:
-                yield from _columns(block, asked[channel.topic])
+                yield from _columns(block, asked[channel.topic], reading)
                 block.clear()
         for name, block in blocks.items():
-            yield from _columns(block, asked[name])
+            yield from _columns(block, asked[name], reading)
 
     remarks = ["the instants of a topic are when its messages were logged, in s from the first message of the file"]
-    return Recording(series=series, read=read, refused=refused, remarks=remarks)
+    return Recording(series=series, read=read, refused=refused, remarks=remarks, rounded=rounded)
 
 
 def _messages(file: BinaryIO, topics: Sequence[str] | None) -> Iterator[tuple[Any, Any, Any]]:
@@ -104,11 +109,17 @@ def _messages(file: BinaryIO, topics: Sequence[str] | None) -> Iterator[tuple[An
     yield from reader.iter_messages(topics)
 
 
-def _columns(block: Sequence[Mapping[str, float]], asked: Sequence[tuple[int, str]]) -> Iterator[tuple[int, Values]]:
+def _columns(
+    block: Sequence[Mapping[str, int | float]],
+    asked: Sequence[tuple[int, str, str]],
+    reading: Reading,
+) -> Iterator[tuple[int, Values]]:
     """Yield the samples of some messages; a number that one of them does not have is missing."""
     if block:
-        for position, path in asked:
-            yield position, np.array([found.get(path, math.nan) for found in block])
+        for position, path, name in asked:
+            numbers = [found.get(path, math.nan) for found in block]
+            reading.count(name, inexact_whole(one for one in numbers if isinstance(one, int)))
+            yield position, np.array(numbers, dtype=np.float64)
 
 
 def _bounded(summary: Any, size: int) -> None:
@@ -160,10 +171,10 @@ def _decoder(schema: Any, channel: Any) -> Decode:
     )
 
 
-def _numbers(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, float]]:
+def _numbers(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, int | float]]:
     """Yield the numbers within a message with their paths: pose.position.x, effort[0]."""
     if isinstance(value, (bool, int, float)):
-        yield path or "value", float(value)
+        yield path or "value", value
     elif depth < _DEEPEST and isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _numbers(inner, f"{path}.{key}" if path else str(key), depth + 1)

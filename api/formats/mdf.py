@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -27,6 +28,7 @@ from api.formats import (
     proportionate,
     text_reason,
 )
+from api.formats.exactness import Reading, Rounded, inexact
 
 _NUMBERS = {3: {0, 1, 2, 3, *range(9, 17)}, 4: set(range(6))}
 """Types of data of each version that are plain numbers."""
@@ -67,15 +69,19 @@ def open_file(file: BinaryIO) -> Recording:
     source = MDF(f"/proc/self/fd/{file.fileno()}")
     places, series, refused = _channels(source, size=file.seek(0, 2))
 
+    rounded = Rounded()
+
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        reading = Reading(rounded)
         for position, one in enumerate(wanted):
             count = series[one].count or 0
             for start in range(0, count, PIECE):
-                yield position, _values(source, places[one], start, min(PIECE, count - start))
+                lost = partial(reading.count, series[one].name)
+                yield position, _values(source, places[one], start, min(PIECE, count - start), lost)
 
     texts = [one.name for one, place in zip(series, places, strict=True) if place.raw]
     remarks = [f"{name}: its numbers are taken, not the texts that they stand for" for name in texts]
-    return Recording(series=series, read=read, refused=refused, remarks=remarks, close=source.close)
+    return Recording(series=series, read=read, refused=refused, remarks=remarks, rounded=rounded, close=source.close)
 
 
 def _ended(made: Any) -> None:
@@ -84,8 +90,8 @@ def _ended(made: Any) -> None:
         made.close()
 
 
-def _values(source: Any, place: _Place, start: int, count: int) -> Values:
-    """Return samples of a channel; invalid ones are NaN."""
+def _values(source: Any, place: _Place, start: int, count: int, lost: Callable[[int], None] | None = None) -> Values:
+    """Return samples of a channel; invalid ones are NaN, and how many others float64 does not hold is told."""
     if place.index is None:
         return np.asarray(source.get_master(place.group, record_offset=start, record_count=count), dtype=np.float64)
     samples, invalid = source.get(
@@ -99,11 +105,12 @@ def _values(source: Any, place: _Place, start: int, count: int) -> Values:
     )
     if place.element is not None:
         name, number = place.element
-        values = np.array((samples[name] if name else samples).reshape(count, -1)[:, number], dtype=np.float64)
-    else:
-        values = np.array(samples, dtype=np.float64)
-    if invalid is not None:
-        values[np.asarray(invalid, dtype=bool)] = np.nan
+        samples = (samples[name] if name else samples).reshape(count, -1)[:, number]
+    gone = np.zeros(len(samples), dtype=bool) if invalid is None else np.asarray(invalid, dtype=bool)
+    if lost is not None:
+        lost(inexact(np.asarray(samples)[~gone]))
+    values = np.array(samples, dtype=np.float64)
+    values[gone] = np.nan
     return values
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from api.formats import PIECE, FormatError, Recording, Series, Values, bounded, proportionate
 from api.formats.arrays import is_time, started
+from api.formats.exactness import Reading, Rounded
 
 _ROWS = PIECE // 2
 
@@ -55,13 +56,16 @@ def open_file(file: BinaryIO) -> Recording:
             )
         )
 
+    rounded = Rounded()
+
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         names = [series[place].name for place in wanted]
         proportionate("the columns", _unpacked(source.metadata, set(names)), size=size)
         first: dict[str, Any] = {}
+        reading = Reading(rounded)
         for batch in source.iter_batches(batch_size=_ROWS, columns=names, use_threads=False):
             for position, name in enumerate(names):
-                yield position, _values(batch.column(name), first, name)
+                yield position, _values(batch.column(name), first, name, reading)
 
     start_text = metadata.get("start_time", b"").decode(errors="replace")
     if start_text:  # that of the whole recording, of which an export may be a stretch
@@ -69,7 +73,7 @@ def open_file(file: BinaryIO) -> Recording:
         first = float(next(read([time.index]))[1][0]) if time is not None and count else 0.0
         series = [replace(one, start_time=started(start_text, first)) for one in series]
     layout = {"sample_rate": rate} if rate else {}
-    return Recording(series=series, read=read, refused=refused, layout=layout, close=source.close)
+    return Recording(series=series, read=read, refused=refused, layout=layout, rounded=rounded, close=source.close)
 
 
 def _unpacked(metadata: Any, names: set[str]) -> int:
@@ -79,7 +83,7 @@ def _unpacked(metadata: Any, names: set[str]) -> int:
     return sum(column.total_uncompressed_size for column in columns if column.path_in_schema in names)
 
 
-def _values(column: Any, first: dict[str, Any], name: str) -> Values:
+def _values(column: Any, first: dict[str, Any], name: str, reading: Reading) -> Values:
     """Return the numbers of a column, missing ones as NaN; instants count in s from the first."""
     import pyarrow as pa  # noqa: PLC0415 - as above
 
@@ -94,7 +98,11 @@ def _values(column: Any, first: dict[str, Any], name: str) -> Values:
         return np.asarray((ticks - begin) * scale, dtype=np.float64)
     if pa.types.is_boolean(column.type):
         column = column.cast(pa.int8())
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+    if column.null_count and pa.types.is_integer(column.type):  # whole numbers that are there are counted as such
+        gone = column.is_null().to_numpy(zero_copy_only=False)
+        values = reading.floats(name, column.fill_null(0).to_numpy(zero_copy_only=False))
+        return np.where(gone, np.nan, values)
+    return reading.floats(name, column.to_numpy(zero_copy_only=False))
 
 
 def _number(text: bytes | None) -> float | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from api.formats import (
     bounded,
     by_channel,
 )
+from api.formats.exactness import Rounded
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN = 0xFFFFFFFF
@@ -48,6 +49,11 @@ class _Sound:
         """Bytes of one sample."""
         return -(-self.bits // 8)
 
+    @property
+    def whole(self) -> int:
+        """Bytes of the whole number that holds one."""
+        return 1 if self.width == 1 else 4 if self.width <= 4 else 8
+
 
 def open_file(file: BinaryIO) -> Recording:
     """Return the channels of a WAV file.
@@ -66,7 +72,7 @@ def open_file(file: BinaryIO) -> Recording:
         for i in range(sound.channels)
     ]
 
-    def part(channel: int, start: int, stop: int) -> npt.NDArray[np.float64]:
+    def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
         frame = sound.width * sound.channels
         file.seek(sound.offset + start * frame)
         raw = np.frombuffer(file.read((stop - start) * frame), dtype=np.uint8)
@@ -74,20 +80,26 @@ def open_file(file: BinaryIO) -> Recording:
 
     form = "floating point" if sound.kind == _FLOAT else f"PCM of {sound.bits} bits, +-1 is full scale"
     said = f"{form}: the file names no unit; what full scale stands for belongs into scale and unit of columns"
-    return Recording(series=series, read=by_channel([sound.frames] * sound.channels, part), remarks=[*remarks, said])
+    rounded = Rounded()
+    read = by_channel(series, part, rounded, scale=_scale(sound))
+    return Recording(series=series, read=read, rounded=rounded, remarks=[*remarks, said])
 
 
-def _values(raw: npt.NDArray[np.uint8], sound: _Sound) -> npt.NDArray[np.float64]:
-    """Return samples from their bytes (n, width)."""
+def _values(raw: npt.NDArray[np.uint8], sound: _Sound) -> npt.NDArray[Any]:
+    """Return samples from their bytes (n, width): whole numbers, or shares of full scale."""
     if sound.kind == _FLOAT:
-        return np.ascontiguousarray(raw).view(f"<f{sound.width}")[:, 0].astype(np.float64)
+        return np.ascontiguousarray(raw).view(f"<f{sound.width}")[:, 0]
     if sound.width == 1:  # alone without a sign
-        return (raw[:, 0].astype(np.float64) - 128.0) / 128.0
+        return raw[:, 0].astype(np.int16) - 128
     # the bits stand at the upper end of their bytes
-    size = 4 if sound.width <= 4 else 8
-    wide = np.zeros((len(raw), size), dtype=np.uint8)
-    wide[:, size - sound.width :] = raw
-    return wide.view(f"<i{size}")[:, 0] / 2.0 ** (8 * size - 1)
+    wide = np.zeros((len(raw), sound.whole), dtype=np.uint8)
+    wide[:, sound.whole - sound.width :] = raw
+    return wide.view(f"<i{sound.whole}")[:, 0]
+
+
+def _scale(sound: _Sound) -> float:
+    """Return what a sample is multiplied by to be a share of full scale."""
+    return 1.0 if sound.kind == _FLOAT else 0.5 ** (8 * sound.whole - 1)
 
 
 def _parts(file: BinaryIO) -> tuple[_Sound, list[str]]:

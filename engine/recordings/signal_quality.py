@@ -167,12 +167,16 @@ class ChannelQuality:
         }
 
 
-def remarks(name: str, found: dict[str, Any], count: int) -> list[str]:
-    """Return sentences on what was noticed in a channel of ``count`` samples."""
+def remarks(name: str, found: dict[str, Any], count: int, *, rounded: int = 0) -> list[str]:
+    """Return sentences on what was noticed in a channel of ``count`` samples, ``rounded`` of which float64 does not hold."""
     said = []
     if found["missing"]:
         said.append(f"{name} has {found['missing']} missing samples of {count}")
-    if found["constant"]:
+    if rounded:
+        said.append(said_of_rounded(name, rounded, count))
+    if found["constant"] and rounded:
+        said.append(f"{name} never changes once its values are rounded: nothing tells whether those in the file do")
+    elif found["constant"]:
         said.append(f"{name} never changes: is its sensor connected?")
     said += [
         f"{name} may be clipped: it stays at {clip['value']:.6g} for {clip['samples']} samples "
@@ -180,3 +184,11 @@ def remarks(name: str, found: dict[str, Any], count: int) -> list[str]:
         for clip in found["clipped"].values()
     ]
     return said
+
+
+def said_of_rounded(name: str, rounded: int, count: int) -> str:
+    """Return the sentence on values that float64 does not hold."""
+    return (
+        f"{name}: {rounded} of {count} values are rounded, float64 holds whole numbers up to 2^53 = {2**53} and 53 bits of "
+        "larger ones: the file has them exactly"
+    )

@@ -25,6 +25,7 @@ from api.formats import (
     by_channel,
 )
 from api.formats.arrays import is_time
+from api.formats.exactness import Rounded
 from api.formats.tdms.metadata import EPOCH, Parser, TdmsObject, names_of, parts, quoted
 from api.formats.tdms.scaling import Scaling, scaling_of
 
@@ -67,9 +68,11 @@ def open_file(file: BinaryIO) -> Recording:
         memory.madvise(mmap.MADV_DONTNEED)  # what has been copied need not count as this process's memory
         return raw if scaling is None else scaling(raw)
 
+    rounded = Rounded()
     return Recording(
         series=series,
-        read=by_channel([found.count for found, _ in channels], part),
+        read=by_channel(series, part, rounded),
+        rounded=rounded,
         refused=refused,
         remarks=parser.remarks,
     )

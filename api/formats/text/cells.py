@@ -16,6 +16,7 @@ SWITCHES = {"true": 1.0, "false": 0.0}
 """What states are written as, in any case of letters."""
 _WORDS = {"", "nan", "n/a", "na", "#n/a", "null", "none", "--", "-"}
 
+_WHOLE = re.compile(r"([+-]?\d+)(?:\.0*)?")
 _DECIMALS = {".": r"\.", ",": ","}
 _THOUSANDS = {".": r"\.", ",": ",", "'": "['’]", " ": "[ \u00a0\u202f]"}
 _REMOVED = str.maketrans("", "", "'’ \u00a0\u202f")
@@ -66,15 +67,25 @@ class Marks:
 
     def value(self, cell: str) -> float | None:
         """Return the number in a cell, None where it is no finite number."""
-        text = cell.replace("\u2212", "-")
-        if (state := SWITCHES.get(text.lower())) is not None:
+        if (state := SWITCHES.get(cell.lower())) is not None:
             return state
+        text = self._written(cell)
+        value = math.nan if text is None else float(text)
+        return value if math.isfinite(value) else None
+
+    def whole(self, cell: str) -> int | None:
+        """Return the whole number that a cell writes out digit by digit, None where it holds anything else."""
+        match = _WHOLE.fullmatch(self._written(cell) or "")
+        return int(match[1]) if match else None
+
+    def _written(self, cell: str) -> str | None:
+        """Return the number in a cell with a decimal point and without separated thousands, None where it is none."""
+        text = cell.replace("\u2212", "-")
         if self._plain.fullmatch(text) is None:
             if self._grouped is None or self._grouped.fullmatch(text) is None:
                 return None
             text = text.translate(_REMOVED) if self.thousands in "' " else text.replace(self.thousands, "")
-        value = float(text.replace(self.decimal, "."))
-        return value if math.isfinite(value) else None
+        return text.replace(self.decimal, ".")
 
 
 def all_marks(decimal: str) -> tuple[Marks, ...]:

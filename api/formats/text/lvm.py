@@ -25,6 +25,7 @@ from api.formats import (
     Series,
     Values,
 )
+from api.formats.exactness import Rounded
 from api.formats.text.cells import Marks
 from api.formats.text.endings import Rows
 from api.formats.text.side_by_side import Column, Seen, SideBySide
@@ -114,10 +115,20 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
         begun = ", ".join(f"{_starts(table, layout)[0]}" for table in tables)
         remarks.append(f"{len(tables)} tables were joined as if they followed without a pause; they began at {begun}")
 
-    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
-        return columns.read([places[place] for place in wanted])
+    rounded = Rounded()
 
-    return Recording(series=series, read=read, refused=instants.refused, remarks=[*remarks, *instants.remarks])
+    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        yield from columns.read([places[place] for place in wanted])
+        for place in wanted:
+            rounded.at_least(series[place].name, columns.rounded.get(places[place].cell, 0))
+
+    return Recording(
+        series=series,
+        read=read,
+        refused=instants.refused,
+        remarks=[*remarks, *instants.remarks],
+        rounded=rounded,
+    )
 
 
 def _layout(head: Mapping[str, Sequence[str]], count: int) -> _Layout:

@@ -21,6 +21,7 @@ from api.formats import (
     Values,
     text_reason,
 )
+from api.formats.exactness import Rounded
 from api.formats.text.side_by_side import Column, Row, Seen, SideBySide
 from api.formats.text.txt import lines_of
 
@@ -129,10 +130,20 @@ def _recording(head: _Head, channels: Sequence[Column], columns: SideBySide) -> 
             f"Offset and ScaleFactor of {', '.join(scaled[:20])} are not applied: the file does not say whether its values are scaled"
         )
 
-    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
-        return columns.read([places[place] for place in wanted])
+    rounded = Rounded()
 
-    return Recording(series=series, read=read, refused=refused, remarks=remarks)
+    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        yield from columns.read([places[place] for place in wanted])
+        for place in wanted:
+            rounded.at_least(series[place].name, columns.rounded.get(places[place].cell, 0))
+
+    return Recording(
+        series=series,
+        read=read,
+        refused=refused,
+        remarks=remarks,
+        rounded=rounded,
+    )
 
 
 def _head(file: BinaryIO) -> _Head:

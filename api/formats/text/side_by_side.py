@@ -7,14 +7,18 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from api.formats import PIECE, FormatError, Values
+from api.formats.exactness import EXACT, inexact_whole
 
 _BLOCK = PIECE // 16
+_WHOLE = re.compile(r"([+-]?\d+)(?:\.0*)?")
 _WORDS = {"TRUE": 1.0, "FALSE": 0.0}
 
 Row = tuple[int, str]
@@ -66,12 +70,15 @@ class SideBySide:
         Whether a comma marks decimals; a point does always.
     remedy : str
         What to do about a cell that is no number.
+    rounded : dict
+        By cell, how many whole numbers there float64 does not hold, as far as they have been read.
     """
 
     rows: Callable[[], Iterator[Row]]
     delimiter: str
     decimal_commas: bool
     remedy: str = ""
+    rounded: dict[int, int] = field(default_factory=dict)
     _seen: dict[int, Seen] = field(default_factory=dict)
 
     def scan(self, columns: Sequence[Column]) -> Mapping[int, Seen]:
@@ -112,14 +119,22 @@ class SideBySide:
         once = {one.cell: one for one in columns}
         cells = sorted({*once, *(one.axis for one in columns if one.axis is not None)})
         whole = {cell: one for cell, one in once.items() if one.origin}
-        rows = self.rows()
+        rows, rounded = self.rows(), Counter[int]()
         while block := [row for _, row in zip(range(_BLOCK), rows, strict=False)]:
             grid = self._grid(block, cells, whole)
             for cell, one in once.items():
                 values = grid[:, cells.index(cell)]
+                rounded[cell] += self._rounded(block, cell, values) if cell not in whole else 0
+                self.rounded[cell] = max(self.rounded.get(cell, 0), rounded[cell])
                 if one.axis is not None:
                     values = values[~np.isnan(grid[:, cells.index(one.axis)])]
                 yield cell, np.ascontiguousarray(values)
+
+    def _rounded(self, block: Sequence[Row], cell: int, values: Values) -> int:
+        """Return how many whole numbers of a column float64 does not hold."""
+        texts = (block[row][1].split(self.delimiter)[cell] for row in np.flatnonzero(np.abs(values) >= EXACT).tolist())
+        matches = (_WHOLE.fullmatch(text.strip().replace(",", ".")) for text in texts)
+        return inexact_whole(int(match[1]) if match else None for match in matches)
 
     def _grid(self, block: Sequence[Row], cells: Sequence[int], whole: Mapping[int, Column]) -> Values:
         """Return the wanted cells of some rows, NaN where one is empty."""

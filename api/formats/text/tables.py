@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import TIME_OF_DAY, FormatError, Read, Recording, Series, SpectralFunction, Values
+from api.formats.exactness import Reading, Rounded
 from api.formats.spectral import Vector, over_frequency
 from api.formats.spectral.cells import is_complex, number_of
 from api.formats.text.cells import Marks, cut
@@ -63,6 +64,7 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
         missing=missing,
         header_lines=found.header_lines,
     ).ending(file)
+    rounded = Rounded()
     left_out, said = ending.settle(allow_truncated=options.allow_truncated)
 
     def rows(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
@@ -82,8 +84,11 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
             ended_only=left_out,
         )
         order = [*stamped, *(place for place in range(len(asked)) if place not in stamped)]
+        numbers = [one.name for one in asked if not _is_clock(one, found)]
+        reading = Reading(rounded)
         file.seek(0)
-        for block in read(iter(lambda: file.read(_CHUNK), b""), layout):
+        chunks = iter(lambda: file.read(_CHUNK), b"")
+        for block in read(chunks, layout, lambda column, more: reading.count(numbers[column], more)):
             for place in range(len(asked)):
                 yield place, np.ascontiguousarray(block[:, order.index(place)])
 
@@ -110,6 +115,7 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
         layout=layout,
         remarks=(*_maker(found), *found.remarks, *said, *noted),
         stated_count=found.count,
+        rounded=rounded,
     )
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError
+from api.formats.exactness import EXACT, inexact_whole
 from api.formats.text.cells import SWITCHES, Marks, cut
 from api.formats.text.clock import Clock
 
@@ -104,7 +105,13 @@ class TextLayout:
             )
 
 
-def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np.float64]]:
+def _nobody(_place: int, _count: int) -> None:
+    """Tell nobody."""
+
+
+def read(
+    chunks: Iterable[bytes], layout: TextLayout, rounded: Callable[[int, int], None] = _nobody
+) -> Iterator[npt.NDArray[np.float64]]:
     r"""Yield the wanted columns of a text file in blocks of rows.
 
     Parameters
@@ -114,6 +121,8 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
         superset of ASCII; LF, CRLF or CR line ends.
     layout : TextLayout
         Where the numbers are.
+    rounded : callable, optional
+        Told the place of a column in ``layout.columns``, and how many whole numbers in its next rows float64 does not hold.
 
     Yields
     ------
@@ -153,23 +162,26 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
         rows.append((number, line))
         begun = True
         if len(rows) == BLOCK_ROWS:
-            yield _block(rows, layout)
+            yield _block(rows, layout, rounded)
             rows.clear()
     if rows:
-        yield _block(rows, layout)
+        yield _block(rows, layout, rounded)
     if not begun:
         raise FormatError(
             f"file must hold at least one row after {layout.header_lines} header lines, got none: is header_lines right?"
         )
 
 
-def _block(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[np.float64]:
+def _block(
+    rows: Sequence[tuple[int, str]], layout: TextLayout, rounded: Callable[[int, int], None]
+) -> npt.NDArray[np.float64]:
     """Return the values of some rows, each a line and its number."""
     if layout.usual and layout.delimiter == ",":
         for number, line in rows:
             if line.count(",") >= layout.usual:
                 _check_groups(cut(line, ","), number, layout.usual)
     values = _values(rows, layout) if layout.columns else np.empty((len(rows), 0))
+    _count_rounded(rows, values, layout, rounded)
     if layout.stamps is None:
         return values
     column, clock = layout.stamps
@@ -184,6 +196,20 @@ def _block(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[n
     except FormatError as error:
         raise FormatError(f"lines {rows[0][0]} ... {rows[-1][0]}, column {column}: {error.message}") from error
     return np.column_stack([seconds, values])
+
+
+def _count_rounded(
+    rows: Sequence[tuple[int, str]],
+    values: npt.NDArray[np.float64],
+    layout: TextLayout,
+    rounded: Callable[[int, int], None],
+) -> None:
+    """Look at cells again whose numbers are so large that float64 need not hold them."""
+    large = np.abs(values) >= EXACT
+    for place in np.flatnonzero(large.any(axis=0)).tolist():
+        lines = (rows[row][1] for row in np.flatnonzero(large[:, place]).tolist())
+        cells = (cut(line, layout.delimiter)[layout.columns[place]] for line in lines)
+        rounded(place, inexact_whole(map(layout.marks.whole, cells)))
 
 
 def _check_groups(cells: Sequence[str], number: int, usual: int) -> None:

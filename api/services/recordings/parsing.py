@@ -18,7 +18,7 @@ from api.services.recordings.groups import Part, parts_of
 from api.services.recordings.importing import Plan, options, stated
 from api.services.recordings.spooling import Progress, refusing, spooled
 from api.services.recordings.timing import Sink, Timing, axis_of, said_of_uneven, timing_of
-from engine.recordings.signal_quality import ChannelQuality, remarks
+from engine.recordings.signal_quality import ChannelQuality, remarks, said_of_rounded
 from storage.imports import RAW, Import, open_groups, publish
 from storage.originals import Comparison, leave_out
 from storage.repositories import DatasetRepository
@@ -108,10 +108,11 @@ def run(
 
 
 def _all_taken(recording: Recording, part: Part) -> bool:
-    """Return whether a file holds nothing but the channels that were taken from it, at the instants that it has."""
+    """Return whether a file holds nothing but the channels that were taken from it, each value as it is there."""
     taken = {*part.plan.places} | ({part.plan.time} if part.plan.time is not None else set())
     resampled = isinstance(part.plan.document.get("uneven"), Mapping)
-    return len(taken) == len(recording.series) and not (recording.functions or recording.refused or resampled)
+    more = recording.functions or recording.refused or recording.rounded or len(recording.scalars) > _MOST_SHOWN
+    return len(taken) == len(recording.series) and not (more or resampled)
 
 
 def _silent(_share: float, _said: str) -> None:
@@ -186,11 +187,12 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
         times = _times(recording, plan, whole=file.seek(0, 2) <= _WHOLE)
         said = [*told, *plan.remarks, *times.pop("remarks")]
         channels = []
-        for channel, values in zip(plan.channels, first, strict=True):
+        for place, channel, values in zip(plan.places, plan.channels, first, strict=True):
             quality = ChannelQuality()
             quality.add(values)
             noticed = quality.document()
-            said += remarks(f"the beginning of {channel['name']}", noticed, values.size)
+            rounded = recording.rounded.of(recording.series[place].name)
+            said += remarks(f"the beginning of {channel['name']}", noticed, values.size, rounded=rounded)
             channels.append({**channel, "first": listed(numbers(values[:_LOOK_ROWS])), "noticed": noticed})
         return {
             **found,
@@ -353,14 +355,24 @@ class _Taking:
         if not next(iter(counts.values())):
             raise FormatError("a recording must have samples, got none: was it begun?")
 
+    def _rounded_beside(self) -> list[str]:
+        """Return sentences on rounded values that are in no channel: instants, and single numbers."""
+        recording, time = self._recording, self._plan.time
+        counts = {} if time is None else {recording.series[time].name: self._qualities[0].count}
+        counts |= dict.fromkeys(recording.scalars, 1)
+        found = ((name, recording.rounded.of(name), count) for name, count in counts.items())
+        return [said_of_rounded(name, rounded, count) for name, rounded, count in found if rounded]
+
     def report(self, before: Sequence[str]) -> dict[str, Any]:
         """Return what was noticed; some sentences come before all others."""
         count = self._qualities[0].count
         said = [*before, *self._plan.remarks, *_counted(self._recording, count), *self.times.remarks()]
         noticed = {}
-        for channel, quality in zip(self._plan.channels, self._qualities, strict=True):
+        said += self._rounded_beside()
+        for place, channel, quality in zip(self._plan.places, self._plan.channels, self._qualities, strict=True):
             noticed[channel["name"]] = quality.document()
-            said += remarks(channel["name"], noticed[channel["name"]], quality.count)
+            rounded = self._recording.rounded.of(self._recording.series[place].name)
+            said += remarks(channel["name"], noticed[channel["name"]], quality.count, rounded=rounded)
         refused = dict(islice(self._recording.refused.items(), _MOST_SHOWN))
         return {
             "import": self._plan.document,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections.abc import Iterator
 
@@ -123,6 +124,31 @@ def test_an_exported_lineage_has_the_samples_in_its_place(client, tmp_path) -> N
             content = archive.read(f"datasets/{dataset}/{there}")
         expected = np.array([number % 7 for number in range(5000)], dtype="<f8").tobytes()
         assert content == (expected if dataset == file else lag_recording())
+
+
+def whole_numbers(kind: str) -> tuple[dict[str, str], bytes, str]:
+    """Return a recording of whole numbers, a file with such ones, and the channel that has more bits than float64."""
+    ticks = np.arange(1000, dtype=np.uint64) + 2**63
+    if kind == "csv":
+        rows = "".join(f"{number / 1000!r},{tick}\n" for number, tick in enumerate(ticks))
+        return {"name": "ticks", "format": "csv"}, f"t [s],tick\n{rows}".encode(), "tick"
+    content = io.BytesIO()
+    with h5py.File(content, "w") as file:
+        file["tick"] = ticks
+        file["tick"].attrs["sample_rate"] = 1000.0
+    return {"name": "ticks", "format": "hdf5"}, content.getvalue(), "tick"
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "csv"])
+def test_whole_numbers_that_are_rounded_are_said_and_their_file_is_kept(client, sparing, kind) -> None:
+    body, data, name = whole_numbers(kind)
+    dataset = sent(client, body, data)
+    said = client.get(f"/v1/datasets/{dataset}").json()["report"]["remarks"]
+    # of 2^63 ... 2^63 + 999 those are held that are multiples of 2048: the first one
+    assert any(f"{name}: 999 of 1000 values are rounded" in one and "2^53" in one for one in said), said
+    assert not any("is its sensor connected?" in one for one in said), said
+    assert kept_segments(sparing, dataset) > 0
+    assert client.get(f"/v1/datasets/{dataset}/original").content == data
 
 
 @pytest.mark.parametrize("case", ["a column that was not taken", "a group that was not taken"])
