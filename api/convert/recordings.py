@@ -21,7 +21,9 @@ Values = npt.NDArray[np.float64]
 
 def physical(raw: Values, channel: Mapping[str, Any]) -> Values:
     """Return the calibrated values of a channel, in its own unit."""
-    return np.asarray(raw * float(channel.get("scale", 1.0)) + float(channel.get("offset", 0.0)))
+    scaled = raw * float(channel.get("scale", 1.0))
+    offset = float(channel.get("offset", 0.0))
+    return np.asarray(scaled + offset if offset else scaled)  # -0 + 0 is 0, and would lose its sign
 
 
 def envelope(low: Values, high: Values, channel: Mapping[str, Any]) -> tuple[Values, Values]:

@@ -151,6 +151,16 @@ def test_whole_numbers_that_are_rounded_are_said_and_their_file_is_kept(client, 
     assert client.get(f"/v1/datasets/{dataset}/original").content == data
 
 
+def test_a_zero_keeps_the_sign_that_the_file_has(client) -> None:
+    data = b"x\n" + b"-0.0\n0.0\n-0\n0.5\n" * 100
+    dataset = sent(client, {"name": "signs", "format": "csv", "import": {"sample_rate": 100}}, data)
+    assert client.get(f"/v1/datasets/{dataset}/original").status_code == 410  # so the channel is all that is left of it
+    values = client.get(f"/v1/datasets/{dataset}/channels/x").json()["values"]
+    exported = client.get(f"/v1/datasets/{dataset}/export", params={"format": "csv"}).text.splitlines()[1:]
+    for found in (values, [float(line.split(",")[1]) for line in exported]):
+        assert np.signbit(found).tolist() == [True, False, True, False] * 100
+
+
 @pytest.mark.parametrize("case", ["a column that was not taken", "a group that was not taken"])
 def test_a_file_with_more_in_it_is_kept(client, sparing, tmp_path, case) -> None:
     if case.startswith("a column"):
