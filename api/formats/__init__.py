@@ -171,6 +171,9 @@ class Recording:
         Samples of a channel that the file says it has.
     functions : sequence of SpectralFunction
         What is measured over frequency, which is no channel.
+    complete : bool
+        Whether the channels are all that was recorded: no row that was cut off, no texts in place of numbers, and no beginning that the
+        instants do not tell.
     rounded : Rounded
         How many values float64 does not hold, known once they have been read.
     close : callable
@@ -185,6 +188,7 @@ class Recording:
     remarks: Sequence[str] = ()
     stated_count: int | None = None
     functions: Sequence[SpectralFunction] = ()
+    complete: bool = True
     rounded: Rounded = field(default_factory=Rounded)
     close: Callable[[], None] = _nothing
 

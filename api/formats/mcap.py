@@ -93,7 +93,14 @@ def open_file(file: BinaryIO) -> Recording:
             yield from _columns(block, asked[name], reading)
 
     remarks = ["the instants of a topic are when its messages were logged, in s from the first message of the file"]
-    return Recording(series=series, read=read, refused=refused, remarks=remarks, rounded=rounded)
+    return Recording(
+        series=series,
+        read=read,
+        refused=refused,
+        remarks=remarks,
+        complete=False,  # of a message its texts, long arrays and the instant at which it was published are not taken
+        rounded=rounded,
+    )
 
 
 def _messages(file: BinaryIO, topics: Sequence[str] | None) -> Iterator[tuple[Any, Any, Any]]:

@@ -81,7 +81,15 @@ def open_file(file: BinaryIO) -> Recording:
 
     texts = [one.name for one, place in zip(series, places, strict=True) if place.raw]
     remarks = [f"{name}: its numbers are taken, not the texts that they stand for" for name in texts]
-    return Recording(series=series, read=read, refused=refused, remarks=remarks, rounded=rounded, close=source.close)
+    return Recording(
+        series=series,
+        read=read,
+        refused=refused,
+        remarks=remarks,
+        complete=not texts,
+        rounded=rounded,
+        close=source.close,
+    )
 
 
 def _ended(made: Any) -> None:

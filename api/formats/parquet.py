@@ -35,7 +35,7 @@ def open_file(file: BinaryIO) -> Recording:
     refused: dict[str, str] = {}
     metadata = {key.decode(errors="replace"): value for key, value in (schema.metadata or {}).items()}
     rate = _number(metadata.get("sample_rate"))
-    timed = False
+    timed = stamped = False
     for field in schema:
         temporal = pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type)
         plain = pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type)
@@ -43,7 +43,7 @@ def open_file(file: BinaryIO) -> Recording:
             refused[field.name] = f"its values are no plain numbers ({field.type}): cast it to double"
             continue
         time = not timed and (temporal or is_time(field.name))
-        timed = timed or time
+        timed, stamped = timed or time, stamped or temporal
         unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")[:64]
         series.append(
             Series(
@@ -73,7 +73,15 @@ def open_file(file: BinaryIO) -> Recording:
         first = float(next(read([time.index]))[1][0]) if time is not None and count else 0.0
         series = [replace(one, start_time=started(start_text, first)) for one in series]
     layout = {"sample_rate": rate} if rate else {}
-    return Recording(series=series, read=read, refused=refused, layout=layout, rounded=rounded, close=source.close)
+    return Recording(
+        series=series,
+        read=read,
+        refused=refused,
+        layout=layout,
+        complete=not stamped,  # stamps count from the first of them, whose date is not taken
+        rounded=rounded,
+        close=source.close,
+    )
 
 
 def _unpacked(metadata: Any, names: set[str]) -> int:

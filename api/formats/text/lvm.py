@@ -127,6 +127,7 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
         read=read,
         refused=instants.refused,
         remarks=[*remarks, *instants.remarks],
+        complete=not left_out and len(tables) == 1 and instants.begin_at_zero,
         rounded=rounded,
     )
 
@@ -206,6 +207,12 @@ class _Instants:
         if layout.axes:
             self.remarks.append(_said(kept, layout.axes))
         return found, places
+
+    @property
+    def begin_at_zero(self) -> bool:
+        """Whether no channel begins at an X0 of its own, which a rate does not tell."""
+        starts = self._layout.said(self._tables[0], "X0")
+        return not any(_number(text or "0", self._layout.decimal, "X0") for text in starts)
 
     def _rises(self, axis: int) -> bool:
         last = -math.inf

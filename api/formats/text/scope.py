@@ -142,6 +142,7 @@ def _recording(head: _Head, channels: Sequence[Column], columns: SideBySide) -> 
         read=read,
         refused=refused,
         remarks=remarks,
+        complete=not scaled,
         rounded=rounded,
     )
 

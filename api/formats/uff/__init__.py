@@ -43,6 +43,7 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
         For another file, a header that is damaged or claims more ordinates than there are, or a file that ends early.
     """
     found, others, remarks = functions(file, allow_truncated=allow_truncated)
+    cut = bool(remarks)
     refused = {
         f"dataset {number}": "only datasets 58 hold recordings and functions: what else is in the file is not needed for them"
         for number in others
@@ -78,6 +79,7 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
         refused=refused,
         remarks=remarks,
         functions=spectral,
+        complete=not any(one.even and one.start for one in found) and not cut,
     )
 
 

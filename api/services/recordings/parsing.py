@@ -16,6 +16,7 @@ from api.services.recordings import raw_samples
 from api.services.recordings.functions import described
 from api.services.recordings.groups import Part, parts_of
 from api.services.recordings.importing import Plan, options, stated
+from api.services.recordings.leaving_out import MOST_SCALARS, InstantsHeld, all_taken
 from api.services.recordings.spooling import Progress, refusing, spooled
 from api.services.recordings.timing import Sink, Timing, axis_of, said_of_uneven, timing_of
 from engine.recordings.signal_quality import ChannelQuality, remarks, said_of_rounded
@@ -74,12 +75,14 @@ def run(
         known: list[dict[str, Any]] = []
         groups: list[dict[str, Any]] = []
         imports: list[Import] = []
+        timings: list[Timing] = []
         for number, (part, target) in enumerate(zip(parts, (identifier, *made.values()), strict=True)):
             writing = undo.enter_context(Import(database, workspace, target))
             steps = _part_of(progress, number, len(parts))
             taken = _Taking(part.recording, part.plan, writing, steps, read=lambda: file.tell() / size)
             taken.all()
             known.append(taken.report(told))
+            timings.append(taken.times)
             count = writing.prepare(
                 channels=taken.times.channels(part.plan.channels),
                 sample_rate=taken.times.rate,
@@ -97,22 +100,17 @@ def run(
             for report in known:
                 report["groups"] = groups
         publish(imports)
-        if leaving_out and len(parts) == 1 and _all_taken(recording, parts[0]):
+        if leaving_out and len(parts) == 1 and all_taken(recording, parts[0]):
             progress(1.0, "comparing what is kept with the file")
             compared = Comparison(database.session, identifier)
-            _Taking(parts[0].recording, parts[0].plan, compared, _silent, read=lambda: 1.0).all()
-            if compared.same:
+            axis, rate = timings[0].axis, timings[0].rate
+            held = None if axis is None else InstantsHeld(axis, rate)
+            instants = None if held is None else held.add
+            _Taking(parts[0].recording, parts[0].plan, compared, _silent, read=lambda: 1.0, instants=instants).all()
+            if compared.same and (held is None or held.all_held):
                 with database.session() as session:
                     leave_out(session, workspace, identifier, raw=False)
     return {"dataset": identifier, "sample_count": groups[0]["sample_count"]}
-
-
-def _all_taken(recording: Recording, part: Part) -> bool:
-    """Return whether a file holds nothing but the channels that were taken from it, each value as it is there."""
-    taken = {*part.plan.places} | ({part.plan.time} if part.plan.time is not None else set())
-    resampled = isinstance(part.plan.document.get("uneven"), Mapping)
-    more = recording.functions or recording.refused or recording.rounded or len(recording.scalars) > _MOST_SHOWN
-    return len(taken) == len(recording.series) and not (more or resampled)
 
 
 def _silent(_share: float, _said: str) -> None:
@@ -298,11 +296,22 @@ def _first(recording: Recording, place: int) -> Values:
 
 
 class _Taking:
-    """The samples of the chosen channels on their way, watched; ``read`` is the share of the file that has been read."""
+    """The samples of the chosen channels on their way, watched.
+
+    ``read`` is the share of the file that has been read, ``instants`` is told those that the file has.
+    """
 
     def __init__(
-        self, recording: Recording, plan: Plan, writing: Sink, progress: Progress, *, read: Callable[[], float]
+        self,
+        recording: Recording,
+        plan: Plan,
+        writing: Sink,
+        progress: Progress,
+        *,
+        read: Callable[[], float],
+        instants: Callable[[Values], None] | None = None,
     ) -> None:
+        self._instants = instants
         self._recording = recording
         self._plan = plan
         self._progress = progress
@@ -328,6 +337,8 @@ class _Taking:
             channel = position - shift
             if channel < 0:
                 self.times.add(values)
+                if self._instants is not None:
+                    self._instants(values)
             else:
                 self._hand_on(channel, values)
             share = done / total if total else self._read()
@@ -379,6 +390,6 @@ class _Taking:
             "time": self.times.document(),
             "channels": noticed,
             "refused": refused,
-            "scalars": dict(islice(self._recording.scalars.items(), _MOST_SHOWN)),
+            "scalars": dict(islice(self._recording.scalars.items(), MOST_SCALARS)),
             "remarks": said[:_MOST_SHOWN],
         }

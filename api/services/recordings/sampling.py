@@ -179,6 +179,19 @@ class TimeAxis:
         band = (_SLOPE_OF_ANOTHER if self._evenness.broken else _SLOPE) * max(self._rounding, self._slack)
         return self._evenness.jitter() <= max(0.5 * band, _EVEN * self._usual)
 
+    def places(self, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Return the places (n,) of some samples of the file on the even axis, where filled gaps have places of their own."""
+        if not self.fill or not self._gaps:
+            return samples
+        at, missing, _ = zip(*self._gaps, strict=True)
+        before = np.concatenate([[0], np.cumsum(missing)]).astype(np.int64)
+        return samples + before[np.searchsorted(at, samples, side="right")]
+
+    @property
+    def first(self) -> float:
+        """The first instant as the file has it, s."""
+        return self._first
+
     def uneven(self) -> float:
         """Return how far an instant is from its place on an even axis, at most, in samples; what rounding does counts."""
         return self._evenness.jitter() / self._usual
@@ -194,10 +207,11 @@ class TimeAxis:
         return self._last - self._first
 
     def document(self) -> dict[str, Any]:
-        """Return what is known of the instants: gaps (the first 100) as sample, missing samples and seconds."""
+        """Return what is known of the instants: the first one, gaps (the first 100) as sample, missing samples and seconds."""
         shown = [{"sample": at, "missing": missing, "step": step} for at, missing, step in self._gaps[:_SHOWN]]
         return {
             "requested": self.requested,
+            "first": self._first,
             "actual": self.rate,
             "uneven": self.uneven(),
             "gaps": shown,

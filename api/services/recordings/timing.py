@@ -27,9 +27,11 @@ class Sink(Protocol):
 class Timing:
     """Samples at the rate that is stated."""
 
-    def __init__(self, plan: Plan, writing: Sink) -> None:
+    def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis | None = None) -> None:
         self._plan = plan
         self._writing = writing
+        self.axis = axis
+        """What is known of the instants, None where none are looked at."""
 
     @property
     def count(self) -> int | None:
@@ -69,7 +71,7 @@ class _Even(Timing):
     """Samples on an even axis; gaps are filled with missing ones, or closed."""
 
     def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis) -> None:
-        super().__init__(plan, writing)
+        super().__init__(plan, writing, axis)
         self._axis = axis
         self._counts: dict[int, int] = {}
 
@@ -100,7 +102,7 @@ class _Kept(Timing):
     """Samples with their instants as the first channel."""
 
     def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis) -> None:
-        super().__init__(plan, writing)
+        super().__init__(plan, writing, axis)
         self._axis = axis
         taken = {str(channel["name"]) for channel in plan.channels}
         self._name = next(name for name in ("time", "instants", "time of the samples") if name not in taken)
@@ -133,7 +135,7 @@ class _Resampled(Timing):
     """Samples that are interpolated to an even axis, once all of them are there."""
 
     def __init__(self, plan: Plan, writing: Sink, axis: TimeAxis) -> None:
-        super().__init__(plan, writing)
+        super().__init__(plan, writing, axis)
         self._axis = axis
         self._asked: Mapping[str, Any] = plan.document["uneven"]["resample"]
         self._instants: list[Values] = []
@@ -184,6 +186,7 @@ class _Resampled(Timing):
 def _document(plan: Plan, axis: TimeAxis) -> dict[str, Any]:
     return {
         "requested": plan.sample_rate,
+        "first": axis.first,
         "actual": None,
         "mean": (axis.count - 1) / axis.span,
         "duration": axis.span,

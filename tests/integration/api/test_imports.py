@@ -102,7 +102,7 @@ def test_a_table_is_looked_at_then_confirmed(client):
     np.testing.assert_array_equal(values(client, dataset, "x"), [1.5, 2.5, 3.5, np.nan, np.nan, 4.5, 5.5])
     report = dataset["report"]
     assert report["time"] == {
-        "requested": 1000, "actual": 1000, "uneven": pytest.approx(0, abs=1e-6), "gap_count": 1, "filled": 2,
+        "requested": 1000, "first": pytest.approx(57936.674), "actual": 1000, "uneven": pytest.approx(0, abs=1e-6), "gap_count": 1, "filled": 2,
         "gaps": [{"sample": 3, "missing": 2, "step": pytest.approx(0.003)}],
     }  # fmt: skip
     assert "time has 1 gaps" in report["remarks"][0]

@@ -161,6 +161,46 @@ def test_a_zero_keeps_the_sign_that_the_file_has(client) -> None:
         assert np.signbit(found).tolist() == [True, False, True, False] * 100
 
 
+INSTANTS = {
+    "even": ([number / 1000 for number in range(1000)], True),
+    "even, from an instant of its own": ([12.345 + number / 1000 for number in range(1000)], True),
+    "with a gap": ([number / 1000 for number in range(1000) if not 100 <= number < 103], True),
+    "uneven, kept as a channel": ([number / 1000 + (number % 7) / 10_000 for number in range(1000)], True),
+    "one that repeats another": ([0.299 if number == 300 else number / 1000 for number in range(1000)], False),
+    "of a coarse clock": ([number // 10 / 100 for number in range(1000)], False),
+    "off by less than the axis shows": ([number / 1000 + (number % 7) * 1e-8 for number in range(1000)], False),
+}
+
+
+@pytest.mark.parametrize("case", INSTANTS)
+def test_a_file_goes_only_where_each_of_its_instants_can_be_told_from_what_is_kept(client, sparing, case) -> None:
+    instants, goes = INSTANTS[case]
+    data = ("t [s],x\n" + "".join(f"{instant:.9g},{number % 7}\n" for number, instant in enumerate(instants))).encode()
+    dataset = sent(client, {"name": "stamped", "format": "csv"}, data)
+    assert (kept_segments(sparing, dataset) == 0) == goes
+    found = client.get(f"/v1/datasets/{dataset}").json()
+    if goes:  # told again: the first instant, and the places on the axis or the instants beside the samples
+        every = client.get(f"/v1/datasets/{dataset}/channels/x").json()
+        there = [time for time, value in zip(every["time"], every["values"], strict=True) if value is not None]
+        again = [f"{found['report']['time']['first'] + time:.9g}" for time in there]
+        assert again == [f"{instant:.9g}" for instant in instants]
+
+
+@pytest.mark.parametrize("case", ["closed gaps", "another rate", "a last row that may be cut"])
+def test_a_file_whose_times_or_rows_were_left_out_is_kept(client, sparing, tmp_path, case) -> None:
+    rows = [f"{number / 1000!r},{number % 7}.5" for number in range(1000) if not 100 <= number < 103]
+    data, format_, description = ("t [s],x\n" + "\n".join(rows) + "\n").encode(), "csv", {"gaps": "close"}
+    if case == "another rate":
+        with h5py.File(tmp_path / "rate.h5", "w") as file:
+            file["x"] = np.arange(100.0)
+            file["x"].attrs["sample_rate"] = 1000.0
+        data, format_, description = (tmp_path / "rate.h5").read_bytes(), "hdf5", {"sample_rate": 500}
+    elif case.startswith("a last row"):
+        data, description = b"x\n" + b"1.5\n" * 500 + b"1", {"sample_rate": 100, "allow_truncated": True}
+    dataset = sent(client, {"name": "less", "format": format_, "import": description}, data)
+    assert kept_segments(sparing, dataset) > 0
+
+
 @pytest.mark.parametrize("case", ["a column that was not taken", "a group that was not taken"])
 def test_a_file_with_more_in_it_is_kept(client, sparing, tmp_path, case) -> None:
     if case.startswith("a column"):

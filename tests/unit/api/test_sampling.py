@@ -25,7 +25,7 @@ def test_an_even_axis_has_its_rate(pieces):
     axis, values = followed(np.arange(1000) / 51_200, pieces)
     assert axis.rate == 51_200
     assert axis.document() | {"uneven": None} == {
-        "requested": None, "actual": 51_200, "uneven": None, "gaps": [], "gap_count": 0, "filled": 0
+        "requested": None, "first": 0, "actual": 51_200, "uneven": None, "gaps": [], "gap_count": 0, "filled": 0
     }  # fmt: skip
     assert axis.uneven() < 1e-6
     assert values.tolist() == list(range(1000))
