@@ -171,6 +171,8 @@ class Recording:
         Samples of a channel that the file says it has.
     functions : sequence of SpectralFunction
         What is measured over frequency, which is no channel.
+    untimed : str
+        Why what is called a time in the file has no instants, "" where there is nothing to be said.
     complete : bool
         Whether the channels are all that was recorded: no row that was cut off, no texts in place of numbers, and no beginning that the
         instants do not tell.
@@ -188,6 +190,7 @@ class Recording:
     remarks: Sequence[str] = ()
     stated_count: int | None = None
     functions: Sequence[SpectralFunction] = ()
+    untimed: str = ""
     complete: bool = True
     rounded: Rounded = field(default_factory=Rounded)
     close: Callable[[], None] = _nothing

@@ -22,11 +22,11 @@ from api.formats.text.cells import MISSING, Marks, cut, is_word_for_missing, tho
 from api.formats.text.clock import Clock, Order, clock_for, is_stamp
 from api.formats.text.epochs import epoch_of
 from api.formats.text.header import COMMENTS, TIME_NAME, Header, header_of, stated_count, stated_rate
+from api.formats.text.named_time import is_called_time, why_no_time
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _LOOK = 200
 _COUNTER_NAME = re.compile(r"(sample(\s*(number|no|nr|#))?|index|n|no|nr|row|record|#|lfd)\.?\s*", re.IGNORECASE)
-_TIME_UNITS = {"s", "ms", "us", "µs", "ns", "min", "h"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +57,8 @@ class Guess:
         Cells that stand for a missing sample.
     usual : int
         Cells of most rows.
+    untimed : str
+        Why a column that is called a time has no instants, "" where one has them or none is called so.
     """
 
     delimiter: str
@@ -75,6 +77,7 @@ class Guess:
     count: int | None = None
     missing: tuple[str, ...] = MISSING
     usual: int = 0
+    untimed: str = ""
     remarks: tuple[str, ...] = field(default=())
 
 
@@ -139,6 +142,7 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
         count=stated_count(lines[:begin]),
         missing=tuple(sorted({*MISSING, *missing})),
         usual=Counter(map(len, rows)).most_common(1)[0][0] if rows and given.delimiter is None else 0,
+        untimed=why_no_time(rows, columns, header, marks) if time is None else "",
         remarks=(*header.remarks, *crowded, *_doubtful(rows, columns, marks, given), *remarks, *dated),
     )
 
@@ -322,9 +326,10 @@ def _instants(
         if i not in columns and is_stamp(rows[0][i]):
             return i, clock_for([row[i] for row in rows], order), counter, []
     rising = [i for i in columns if i != counter and _is_rising(rows, i, marks)]
-    named = [i for i in rising if TIME_NAME.match(names.get(i, "")) or (i == 0 and units.get(i) in _TIME_UNITS)]
+    named = [i for i in rising if is_called_time(i, header)]
     if named:
         return named[0], None, counter, []
+    rising = rising if len(rows) > 2 else []
     if rising[:1] == list(columns[:1]) and not names and len(columns) > 1:
         remark = f"column {rising[0]} rises from row to row: it is taken as the time in s (time.unit says otherwise)"
         return rising[0], None, counter, [remark]
@@ -360,5 +365,5 @@ def _is_rising(rows: Sequence[Sequence[str]], column: int, marks: Marks) -> bool
     values = [marks.value(row[column]) for row in rows if column < len(row)]
     known = [value for value in values if value is not None]
     return (
-        len(values) == len(rows) and len(known) == len(values) > 2 and known[-1] > known[0] and sorted(known) == known
+        len(values) == len(rows) and len(known) == len(values) > 1 and known[-1] > known[0] and sorted(known) == known
     )

@@ -115,6 +115,7 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
         layout=layout,
         remarks=(*_maker(found), *found.remarks, *said, *noted),
         stated_count=found.count,
+        untimed=found.untimed,
         complete=not left_out,
         rounded=rounded,
     )

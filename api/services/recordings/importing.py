@@ -106,7 +106,9 @@ def settle(format_: str, recording: Recording, given: Mapping[str, Any]) -> Plan
     stated = _stated_rate(recording, series)
     rate = given.get("sample_rate", stated)
     if time is None and rate is None:
-        raise FormatError("sample_rate must be given in import: the file states none and has no column of time")
+        raise FormatError(_why_no_rate(recording, series))
+    if recording.untimed and "sample_rate" in given:
+        remarks.append(recording.untimed)
     channels = []
     for one, (_, column) in zip(series, chosen, strict=True):
         channels.append(_described(one, column, remarks))
@@ -226,6 +228,20 @@ def _time(recording: Recording, series: Sequence[Series], given: Mapping[str, An
     # in files with several axes of time, each stands before its channels
     before = [place for place in fitting if recording.series[place].index < first]
     return before[-1] if before else next(iter(fitting), None)
+
+
+def _why_no_rate(recording: Recording, series: Sequence[Series]) -> str:
+    """Return why a file tells no sample rate."""
+    if recording.untimed:
+        return f"{recording.untimed}, or say sample_rate in import, and the instants are not looked at"
+    needed = "sample_rate must be given in import: the file states none"
+    other = next((one for one in recording.series if one.role == "time" and one not in series), None)
+    if other is None:
+        return f"{needed} and has no column of time"
+    return (
+        f"{needed}, and its time {other.name} must have as many instants as there are samples, got {other.count} for the "
+        f"{series[0].count} of {series[0].name}"
+    )
 
 
 def _time_scale(unit: str, name: str, remarks: list[str]) -> float:
