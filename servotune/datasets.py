@@ -11,7 +11,7 @@ from typing import Any, cast
 from urllib.parse import quote, urlencode
 
 from servotune.documents import given
-from servotune.errors import ConflictError
+from servotune.errors import ConflictError, DocumentError
 from servotune.jobs import Jobs
 from servotune.progress import Observer
 from servotune.replies import ChannelData, Dataset
@@ -64,7 +64,10 @@ class Datasets:
         ------
         JobFailedError
             The file could not be read as its import description says.
+        DocumentError
+            There are no bytes in it; nothing was asked of the service then.
         """
+        _check_filled(content)
         segment_bytes = _segment_bytes(self.get(dataset))
         digests, whole = list[str](), hashlib.sha256()
         for piece in _pieces(content, segment_bytes):
@@ -91,7 +94,14 @@ class Datasets:
     def upload(
         self, document: Mapping[str, Any], content: Path | bytes, *, progress: Observer | None = None
     ) -> Dataset:
-        """Create a dataset and send its content."""
+        """Create a dataset and send its content.
+
+        Raises
+        ------
+        DocumentError
+            There are no bytes in it; no dataset was opened then.
+        """
+        _check_filled(content)
         return self.send(self.create(document)["id"], content, progress=progress)
 
     def get(self, dataset: str) -> Dataset:
@@ -166,7 +176,13 @@ class Datasets:
         -------
         dict
             ``import`` is the proposal: change what is wrong, and hand it to `send`. ``remarks`` are to be read first.
+
+        Raises
+        ------
+        DocumentError
+            There are no bytes in it; nothing was asked of the service then.
         """
+        _check_filled(content)
         digests = [hashlib.sha256(piece).hexdigest() for piece in _pieces(content, SEGMENT_BYTES)]
         self._send_missing(dataset, content, digests, SEGMENT_BYTES, None)
         body = {"segments": digests, **({} if document is None else {"import": document})}
@@ -257,6 +273,16 @@ def _segment_bytes(dataset: Dataset) -> int:
         return SEGMENT_BYTES
     sample = _FLOAT64_BYTES * len(dataset.get("channels", ())) or _FLOAT64_BYTES
     return SEGMENT_BYTES // sample * sample
+
+
+def _check_filled(content: Path | bytes) -> None:
+    """Refuse what has no bytes before anything is opened for it."""
+    size = content.stat().st_size if isinstance(content, Path) else len(content)
+    if not size:
+        name = f"file {content.name!r}" if isinstance(content, Path) else "content"
+        raise DocumentError(
+            f"{name} must hold at least one byte, it is empty: was the recording begun, and is it written to its end?"
+        )
 
 
 def _pieces(content: Path | bytes, size: int) -> Iterator[bytes]:

@@ -162,7 +162,9 @@ def _separators(sample: Sequence[str], given: Known, *, first: str) -> tuple[str
     ]
     best, found = max(tried, key=lambda one: one[0], default=((0.0, 0.0), (",", ".")))
     if best[0] <= 0.0:
-        raise FormatError("file must hold rows of numbers, got none in its beginning: is this a text table?")
+        raise FormatError(
+            f"file must hold rows of numbers, got none in its beginning ({first.strip()[:60]!r} ...): was nothing recorded, or is this no text table?"
+        )
     return found
 
 

@@ -128,6 +128,23 @@ def test_a_recording_is_sent(run, sqlite_worker, tmp_path) -> None:
     assert "allow_truncated" in refused.stderr
 
 
+def test_a_file_without_a_recording_is_told_as_that(run, sqlite_worker, sqlite_service, tmp_path) -> None:
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "begun.csv").write_text("t [s],x [mm]\n")
+    with sqlite_service.client() as client:
+        before = len(client.get("/v1/datasets?limit=200").json()["items"])
+        empty = run("upload", "empty.csv")
+        assert empty.returncode == 1
+        assert "file 'empty.csv' must hold at least one byte, it is empty" in empty.stderr
+        assert len(client.get("/v1/datasets?limit=200").json()["items"]) == before
+    begun = run("upload", "begun.csv")
+    assert begun.returncode == 1
+    assert (
+        "must hold rows of numbers, got none in its beginning ('t [s],x [mm]' ...): was nothing recorded"
+        in begun.stderr
+    )
+
+
 def test_a_page_is_named(run, sqlite_service) -> None:
     assert done(run("open", "sys_1@3", "--print")).strip() == f"{sqlite_service.url}/systems/sys_1"
     assert done(run("open", "--print")).strip() == sqlite_service.url

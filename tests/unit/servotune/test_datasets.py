@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 from pathlib import Path
 
@@ -165,3 +166,27 @@ def test_an_export_is_written_as_a_whole_or_not_at_all(service: Service, client:
 def test_a_channel_of_any_name_is_asked_for(service: Service, client: servotune.Client):
     service.on("GET /v1/datasets/ds_1/channels/rig%201%2Fforce%20%231", Answer({"unit": "N", "time": [], "values": []}))
     assert client.datasets.channel("ds_1", "rig 1/force #1")["unit"] == "N"
+
+
+@pytest.mark.parametrize("kind", ["a file", "bytes"])
+def test_what_is_empty_is_refused_before_anything_is_opened_for_it(
+    service: Service, client: servotune.Client, tmp_path: Path, kind: str
+):
+    path = tmp_path / "empty.csv"
+    path.write_bytes(b"")
+    content: Path | bytes = path if kind == "a file" else b""
+    said = "file 'empty.csv' must hold at least one byte" if kind == "a file" else "content must hold at least one byte"
+
+    async def beside() -> None:
+        async with servotune.AsyncClient(service.url, key="st_1") as waiting:
+            await waiting.datasets.upload(FILE, content)
+
+    for refused in (
+        lambda: client.datasets.upload(FILE, content),
+        lambda: client.datasets.send("ds_1", content),
+        lambda: client.datasets.preview("ds_1", content),
+        lambda: asyncio.run(beside()),
+    ):
+        with pytest.raises(servotune.DocumentError, match=said):
+            refused()
+    assert [asked for asked in service.asked if "datasets" in asked.path] == []
