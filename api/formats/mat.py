@@ -35,6 +35,7 @@ from api.formats import (
 )
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, started, stated_rate
 from api.formats.exactness import Reading, Rounded
+from api.formats.mat4 import is_version_4
 from api.formats.writing.mat import HEADER, UNITS
 
 _HEAD = 128
@@ -85,6 +86,10 @@ def open_file(file: BinaryIO) -> Recording:
     size = file.tell()
     file.seek(0)
     head = file.read(_HEAD)
+    if is_version_4(head):
+        raise FormatError(
+            "a MATLAB file must be of version 5 to 7.3, got one of version 4: load it in MATLAB or Octave and save it with -v7"
+        )
     if len(head) < _HEAD or head[126:128] not in {b"IM", b"MI"}:
         raise FormatError("a MATLAB file must begin with its header of 128 bytes, got something else" + ANOTHER)
     order = "<" if head[126:128] == b"IM" else ">"

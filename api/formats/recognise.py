@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Final
 
 from api.formats import FormatError
+from api.formats.mat4 import is_version_4
 
 HEAD = 1 << 16
 """First bytes that are looked at."""
@@ -47,6 +48,7 @@ _TELLING: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("mcap", lambda head: head.startswith(b"\x89MCAP")),
     ("parquet", lambda head: head.startswith(b"PAR1")),
     ("lvm", lambda head: head.removeprefix(codecs.BOM_UTF8).startswith(b"LabVIEW Measurement")),
+    ("mat", is_version_4),  # which its reader refuses, with what to do
     ("uff", lambda head: re.match(rb"    -1[ \t]*\r?\n\s*\d{1,5}b?\b", head) is not None),
 )
 """First the more special: a MATLAB 7.3 file is an HDF5 file."""
@@ -100,7 +102,7 @@ def recognised(head: bytes, name: str = "") -> tuple[str, str]:
         text = ending if ending in _TEXTS else "csv"
         return text, f"its first bytes, which are text{', and its name' if text == ending else ''}"
     if ending == "mat":
-        return "mat", "its name"  # MATLAB 4 has no mark
+        return "mat", "its name"
     raise FormatError(f"format must be given: neither the first bytes nor the name tell it; say one of: {known}")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import io
+import struct
 from pathlib import Path
 
 import h5py
@@ -16,7 +17,9 @@ from nptdms import ChannelObject, TdmsWriter
 
 import api.formats.recognise
 from api.formats import FormatError
+from api.formats.catalogue import open_file
 from api.formats.recognise import HEAD, recognised
+from api.formats.text.tables import TableOptions
 
 DATA = Path(__file__).parents[3] / "examples" / "data"
 
@@ -42,14 +45,27 @@ def made(format_):
 
 
 @pytest.mark.parametrize("name", ["", "run 7", "run.dat", "wrong.csv"])
-@pytest.mark.parametrize("format_", ["hdf5", "hdf5 behind a user block", "mat", "tdms", "parquet"])
+@pytest.mark.parametrize("format_", ["hdf5", "hdf5 behind a user block", "mat", "mat 4", "tdms", "parquet"])
 def test_the_first_bytes_tell_whatever_the_name(format_, name):
     assert recognised(made(format_)[:HEAD], name) == (format_.partition(" ")[0], "its first bytes")
 
 
+def test_matlab_4_is_refused_as_what_it_is_with_what_to_do(tmp_path):
+    little = made("mat 4")
+    kind, *numbers = struct.unpack("<5i", little[:20])
+    big = struct.pack(">5i", 1000 + kind, *numbers) + little[20:]
+    for content in (little, big):
+        (tmp_path / "old.mat").write_bytes(content)
+        with (
+            (tmp_path / "old.mat").open("rb") as file,
+            pytest.raises(FormatError, match=r"of version 4: .* save it with -v7"),
+        ):
+            open_file("mat", file, TableOptions())
+
+
 def test_where_both_tell_or_the_name_alone():
     assert recognised(made("hdf5"), "v.mat") == ("mat", "its first bytes and its name")
-    assert recognised(made("mat 4"), "V.MAT") == ("mat", "its name")
+    assert recognised(b"\0" * 200, "V.MAT") == ("mat", "its name")
     assert recognised(b"t;x\n0;1\n", "a.tsv") == ("csv", "its first bytes, which are text, and its name")
     assert recognised("t;Länge\n0;1\n".encode("utf-16"), "") == ("csv", "its first bytes, which are text")
     assert recognised(b"-1\n58\n-1\n", "") == ("csv", "its first bytes, which are text")
