@@ -151,7 +151,7 @@ class Datasets:
         end: float | None = None,
         points: int | None = None,
     ) -> ChannelData:
-        """Return a channel's physical values between two times (s), thinned out for plots when `points` are fewer."""
+        """Return a channel's physical values between two times (s); for plots `min` and `max` of at most `points` stretches, where samples are more."""
         asked = {"start": start, "end": end, "points": points}
         params = {key: value for key, value in asked.items() if value is not None}
         return ChannelData(

@@ -179,14 +179,17 @@ class ChannelReader:
         return samples
 
     def envelope(self, start: int, stop: int, *, points: int) -> Envelope:
-        """Return the extremes of at most ``points`` (>= 2) stretches that cover start <= i < stop.
+        """Return the extremes of at most ``points`` (>= 1) stretches that cover start <= i < stop.
 
-        Stretches begin at multiples of their length, so that they stay where they are while a plot is moved.
+        Several stretches begin at multiples of their length, so that they stay where they are while a plot is moved.
         """
         self._check(start, stop)
-        if points < 2:
-            raise ValueError(f"points must be >= 2, got {points}")
-        width = max(1, -(-(stop - start) // (points - 1)))
+        if points < 1:
+            raise ValueError(f"points must be >= 1, got {points}")
+        if points == 1 and start < stop:
+            low, high = self._extremes_of(self._level_for(stop - start), start, stop)
+            return Envelope(index=np.array([start]), minimum=np.array([low]), maximum=np.array([high]))
+        width = max(1, -(-(stop - start) // max(points - 1, 1)))
         level = self._level_for(width)
         cell = FACTOR**level
         width = -(-width // cell) * cell

@@ -181,7 +181,12 @@ def channel(
     start: Seconds = None,
     end: Seconds = None,
     points: Annotated[
-        int | None, Query(ge=1, le=100_000, description="minimum and maximum of so many stretches")
+        int | None,
+        Query(
+            ge=1,
+            le=100_000,
+            description="minimum and maximum of at most so many stretches of equal length, where there are more samples",
+        ),
     ] = None,
 ) -> Response:
     """Calibrated values in the channel's unit, or their envelope where there are more than `points`."""

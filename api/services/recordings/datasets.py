@@ -287,7 +287,7 @@ def channel(
     end: float | None,
     points: int | None,
 ) -> dict[str, Any]:
-    """Return a stretch of a channel in its unit: every sample, or minimum and maximum of ``points`` stretches."""
+    """Return a stretch of a channel in its unit: every sample, or minimum and maximum of at most ``points`` stretches."""
     with service.database.session() as session:
         repository = DatasetRepository(session, caller.workspace)
         row = repository.get(identifier)

@@ -79,6 +79,11 @@ def test_the_decimated_channel_keeps_every_peak(client) -> None:
     data[12_345, 1] = 7.0
     data[777, 1] = -3.0
     where = f"/v1/datasets/{upload(client, RAW, data.tobytes(), segment=160_000).json()['id']}"
+    whole = client.get(f"{where}/channels/y").json()["values"]
+    one = client.get(f"{where}/channels/y", params={"points": 1})
+    assert (one.status_code, one.json()["min"], one.json()["max"]) == (200, [min(whole)], [max(whole)]), one.text
+    for points in (2, 50, 1000):
+        assert 0 < len(client.get(f"{where}/channels/y", params={"points": points}).json()["min"]) <= points
     found = client.get(f"{where}/channels/y", params={"points": 50}).json()
     ChannelReply.model_validate(found)
     assert len(found["time"]) <= 50

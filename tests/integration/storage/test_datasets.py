@@ -86,6 +86,10 @@ def test_decimation_gives_the_exact_extremes(database, samples):
         (4990, 9010, 37),
         (6000, 7000, 20),
         (3, 3, 5),
+        (0, SAMPLES, 1),
+        (17, SAMPLES - 5, 1),
+        (5, 7, 1),
+        (3, 3, 1),
     ]
     with database.session() as session:
         datasets = DatasetRepository(session, DEFAULT_WORKSPACE)
