@@ -11,7 +11,8 @@ from api.schemas.datasets import ChannelDocument
 from api.schemas.replies import Reply
 from api.schemas.rigs import Label, Text
 from api.schemas.signals import SignalDocument
-from api.schemas.values import Document, Identifier, Name, Quantity
+from api.schemas.values import Document, Identifier, Name, Quantity, SampleRate
+from engine.recordings.sample_rates import LEAST_RATE
 
 Status = Literal["queued", "claimed", "running", "uploading", "done", "failed", "lost", "cancelled"]
 
@@ -110,7 +111,9 @@ class AcquisitionBody(Document):
         max_length=100,
         description="inputs of the rig; the output of the drive, to have what it was told to play",
     )
-    sample_rate: float = Field(gt=0.0, le=10e6, description="samples/s; the hardware takes the next one that it has")
+    sample_rate: float = Field(
+        ge=LEAST_RATE, le=10e6, description="samples/s; the hardware takes the next one that it has"
+    )
     duration: Quantity = Field(description="s, of one repetition")
     drive: DriveDocument | None = None
     pre_trigger: Quantity = Field(default=0.0, description="s that are recorded before the drive, or the trigger")
@@ -132,7 +135,7 @@ class AcquisitionRequest(Document):
     name: Label | None = None
     rig: Label | None = None
     channels: list[Name] | None = Field(default=None, min_length=1, max_length=100)
-    sample_rate: float | None = Field(default=None, gt=0.0, le=10e6)
+    sample_rate: float | None = Field(default=None, ge=LEAST_RATE, le=10e6)
     duration: Quantity | None = None
     drive: DriveDocument | None = None
     pre_trigger: Quantity | None = None
@@ -257,7 +260,7 @@ class AttemptDatasetRequest(Document):
 
     agent: Identifier
     start_time: AwareDatetime = Field(strict=False)
-    sample_rate: float = Field(gt=0.0, description="that the hardware really has, samples/s")
+    sample_rate: SampleRate = Field(description="that the hardware really has, samples/s")
     channels: list[ChannelDocument] = Field(min_length=1, max_length=100)
     facts: dict[str, Any] = Field(default_factory=dict)
 

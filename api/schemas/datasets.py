@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AwareDatetime, Field
 
 from api.schemas.queue import QueueDocument
-from api.schemas.values import Document
+from api.schemas.values import Document, SampleRate
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 ChannelName = Annotated[str, Field(min_length=1, max_length=200)]
@@ -66,7 +66,7 @@ class TimeDocument(Document):
 class EvenDocument(Document):
     """An even axis for samples at uneven instants, by interpolation."""
 
-    rate: float = Field(gt=0.0, description="samples per second, at least the mean rate of the instants")
+    rate: SampleRate = Field(description="samples per second, at least the mean rate of the instants")
     method: Literal["linear", "cubic"] = "linear"
 
 
@@ -106,9 +106,8 @@ class ImportDocument(Document):
         default=None,
         description="texts and universal files: whether a last row or point that is or may be cut is left out; otherwise a cut one is refused",
     )
-    sample_rate: float | None = Field(
+    sample_rate: SampleRate | None = Field(
         default=None,
-        gt=0.0,
         description="samples per second; the instants of the samples are not looked at unless `time` says so",
     )
     time: TimeDocument | None = Field(default=None, description="where the instants of the samples are")
@@ -148,7 +147,7 @@ class DatasetRequest(Document):
     )
     file: str | None = Field(default=None, max_length=255, description="name of the file, files only")
     start_time: AwareDatetime | None = Field(default=None, strict=False, description="RFC 3339 with a time zone")
-    sample_rate: float | None = Field(default=None, gt=0.0, description="samples per second; raw only")
+    sample_rate: SampleRate | None = Field(default=None, description="samples per second; raw only")
     channels: list[ChannelDocument] | None = Field(default=None, min_length=1, max_length=500, description="raw only")
     import_: ImportDocument | None = Field(default=None, alias="import", description="files only")
     origin: dict[str, Any] | None = Field(default=None, description="where it comes from, kept as given")

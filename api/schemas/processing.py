@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 
 from api.schemas.datasets import ChannelName
 from api.schemas.queue import QueueDocument
-from api.schemas.values import Document, Identifier, Quantity, is_scalar_quantity
+from api.schemas.values import Document, Identifier, Quantity, SampleRate, is_scalar_quantity
 
 Names = Annotated[list[ChannelName], Field(min_length=1, max_length=500)]
 _SOME = "all channels by default"
@@ -62,7 +62,7 @@ class ResampleStep(Document):
     """
 
     kind: Literal["resample"]
-    rate: float = Field(gt=0.0, description="samples per second; of uneven instants at least their mean rate")
+    rate: SampleRate = Field(description="samples per second; of uneven instants at least their mean rate")
     method: Literal["linear", "cubic"] | None = Field(
         default=None, description="of interpolation, for uneven instants only; linear by default"
     )

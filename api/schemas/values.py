@@ -14,9 +14,14 @@ from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
 from engine.model.metric_options import MEANINGS
+from engine.recordings.sample_rates import LEAST_RATE, MOST_RATE
 
 NAME = "^[A-Za-z][A-Za-z0-9_]*$"
 PATH = "^[A-Za-z][A-Za-z0-9_]*(\\.[A-Za-z][A-Za-z0-9_]*)*$"
+
+
+SampleRate = Annotated[float, Field(ge=LEAST_RATE, le=MOST_RATE)]
+"""Samples per second of a recording, wherever a request says it."""
 
 
 class Document(BaseModel):

@@ -13,6 +13,7 @@ from api.formats.catalogue import TABLES
 from api.formats.text.guess import Known
 from api.formats.text.tables import TableOptions
 from api.units.conversion import UnitError, known, to_si
+from engine.recordings.sample_rates import refusal
 
 _SHOWN = 20
 
@@ -109,6 +110,8 @@ def settle(format_: str, recording: Recording, given: Mapping[str, Any]) -> Plan
         raise FormatError(_why_no_rate(recording, series))
     if recording.untimed and "sample_rate" in given:
         remarks.append(recording.untimed)
+    if rate is not None and (refused := refusal(rate)):
+        raise FormatError(f"{refused}: say in import at which the samples were taken")
     channels = []
     for one, (_, column) in zip(series, chosen, strict=True):
         channels.append(_described(one, column, remarks))

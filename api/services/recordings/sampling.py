@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from api.formats import FormatError
 from api.services.recordings.evenness import Evenness, rounding
+from engine.recordings.sample_rates import refusal
 
 Values = npt.NDArray[np.float64]
 
@@ -165,6 +166,8 @@ class TimeAxis:
         if steps < 1 or span <= 0.0:
             raise FormatError(f"time must have at least 2 different instants, got fewer: {_UNREAD}")
         found = float(f"{steps / span:.9g}")
+        if refused := refusal(found):
+            raise FormatError(f"{refused} by the instants of the file: is the unit of time right?")
         # a stamp is known to the clock's step or to a millionth of its usual distance, a gap to half a sample
         doubt = (max(self._slack, 1e-6 * self._usual) + 0.5 * self._usual * len(self._gaps)) / span
         nominal = self.requested or float(f"{1.0 / self._usual:.9g}")

@@ -92,6 +92,27 @@ def test_the_decimated_channel_keeps_every_peak(client) -> None:
     assert "values" not in found
 
 
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [
+        (1e-320, ">= 1e-06, got 1e-320"),
+        (1e-300, ">= 1e-06, got 1e-300"),
+        (1e13, "<= 1000000000000.0, got 10000000000000.0"),
+    ],
+)
+def test_a_rate_of_no_recording_is_refused_when_it_is_opened(client, rate, said) -> None:
+    before = client.get("/v1/datasets").json()["items"]
+    for body, pointer in (
+        (RAW | {"sample_rate": rate}, "/sample_rate"),
+        ({"name": "x", "import": {"sample_rate": rate}}, "/import/sample_rate"),
+    ):
+        refused = client.post("/v1/datasets", json=body)
+        assert refused.status_code == 422
+        (error,) = refused.json()["errors"]
+        assert (error["pointer"], error["detail"]) == (pointer, f"sample_rate must be {said}")
+    assert client.get("/v1/datasets").json()["items"] == before
+
+
 def test_calibration_is_applied_on_reading(client) -> None:
     channels = [{"name": "u", "unit": "V", "scale": -2.0, "offset": 1.0}, {"name": "y", "unit": "mm"}]
     data = np.array([[1.0, 0.0], [3.0, 0.0]])

@@ -290,6 +290,8 @@ BAD = {
     "no sample rate": ("mat", matlab(a=np.ones(50)), {}, "sample_rate must be given in import"),
     "not there": ("mat", matlab(a=np.ones(50)), {"columns": [{"source": "c", "name": "c"}]}, r"one of the file's \(a\), got 'c'"),
     "a text": ("mat", matlab(a=np.ones(50), w="hi"), {"columns": [{"source": "w", "name": "w"}]}, "w cannot be read: it is a text"),
+    "a sample rate of no recording": ("mat", matlab(a=np.ones(50), Ts=1e300), {}, r"sample_rate must be 1e-06 \.\.\. 1e\+12 samples/s, got 1e-300"),
+    "instants of no recording": ("csv", b"t,x\n0,1\n1e-300,2\n2e-300,3\n3e-300,4\n", {}, "got 1e.300 by the instants of the file: is the unit of time right"),
     "truncated": ("tdms", tdms(x=np.ones(5000))[:-90], {}, "the file is cut off"),
     "empty table": ("csv", b"\n", {}, "rows of numbers"),
     "not what it says": ("tdms", DAQ, {}, "must begin with TDSm"),
