@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 EXACT = 1 << 53
 """Up to it float64 holds every whole number."""
+_INFINITE = (1 << 1024) - (1 << 970)
+"""What is as large is infinite as float64."""
 
 
 @dataclass(slots=True)
@@ -85,4 +87,5 @@ def inexact_whole(numbers: Iterable[int | None]) -> int:
     >>> inexact_whole([2**70, 2**70 + 1, None])
     1
     """
-    return sum(number is not None and abs(number) > EXACT and int(float(number)) != number for number in numbers)
+    beyond = [number for number in numbers if number is not None and abs(number) > EXACT]
+    return sum(abs(number) >= _INFINITE or int(float(number)) != number for number in beyond)

@@ -16,7 +16,7 @@ SWITCHES = {"true": 1.0, "false": 0.0}
 """What states are written as, in any case of letters."""
 _WORDS = {"", "nan", "n/a", "na", "#n/a", "null", "none", "--", "-"}
 
-_WHOLE = re.compile(r"([+-]?\d+)(?:\.0*)?")
+WHOLE = re.compile(r"([+-]?\d{1,308})(?:\.0*)?")  # with more digits it is no finite float64
 _DECIMALS = {".": r"\.", ",": ","}
 _THOUSANDS = {".": r"\.", ",": ",", "'": "['’]", " ": "[ \u00a0\u202f]"}
 _REMOVED = str.maketrans("", "", "'’ \u00a0\u202f")
@@ -75,7 +75,7 @@ class Marks:
 
     def whole(self, cell: str) -> int | None:
         """Return the whole number that a cell writes out digit by digit, None where it holds anything else."""
-        match = _WHOLE.fullmatch(self._written(cell) or "")
+        match = WHOLE.fullmatch(self._written(cell) or "")
         return int(match[1]) if match else None
 
     def _written(self, cell: str) -> str | None:

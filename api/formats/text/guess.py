@@ -26,6 +26,8 @@ from api.formats.text.named_time import is_called_time, why_no_time
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _LOOK = 200
+_LONGEST_COUNT = 20
+"""Digits that no counter has: Python reads no whole number of more than 4300."""
 _COUNTER_NAME = re.compile(r"(sample(\s*(number|no|nr|#))?|index|n|no|nr|row|record|#|lfd)\.?\s*", re.IGNORECASE)
 
 
@@ -354,7 +356,7 @@ def _dated(
 
 def _is_counter(rows: Sequence[Sequence[str]], column: int, names: Mapping[int, str], units: Mapping[int, str]) -> bool:
     cells = [row[column] for row in rows if column < len(row)]
-    if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
+    if len(cells) < 2 or not all(cell.isdecimal() and len(cell) < _LONGEST_COUNT for cell in cells):
         return False
     steps = {int(b) - int(a) for a, b in pairwise(cells)}
     name, unit = names.get(column, ""), units.get(column, "")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,9 +15,9 @@ import numpy as np
 
 from api.formats import PIECE, FormatError, Values
 from api.formats.exactness import EXACT, inexact_whole
+from api.formats.text.cells import WHOLE
 
 _BLOCK = PIECE // 16
-_WHOLE = re.compile(r"([+-]?\d+)(?:\.0*)?")
 _WORDS = {"TRUE": 1.0, "FALSE": 0.0}
 
 Row = tuple[int, str]
@@ -133,7 +132,7 @@ class SideBySide:
     def _rounded(self, block: Sequence[Row], cell: int, values: Values) -> int:
         """Return how many whole numbers of a column float64 does not hold."""
         texts = (block[row][1].split(self.delimiter)[cell] for row in np.flatnonzero(np.abs(values) >= EXACT).tolist())
-        matches = (_WHOLE.fullmatch(text.strip().replace(",", ".")) for text in texts)
+        matches = (WHOLE.fullmatch(text.strip().replace(",", ".")) for text in texts)
         return inexact_whole(int(match[1]) if match else None for match in matches)
 
     def _grid(self, block: Sequence[Row], cells: Sequence[int], whole: Mapping[int, Column]) -> Values:

@@ -16,6 +16,7 @@ from asammdf import MDF, Signal
 from mcap.writer import Writer
 from nptdms import ChannelObject, TdmsWriter
 
+from api.formats import FormatError
 from api.formats.catalogue import open_file
 from api.formats.exactness import inexact
 from api.formats.text.tables import TableOptions
@@ -172,3 +173,10 @@ def test_a_channel_whose_numbers_became_equal_is_not_said_to_be_without_a_sensor
     assert "2^53 = 9007199254740992" in rule
     assert equal == "tick never changes once its values are rounded: nothing tells whether those in the file do"
     assert remarks("tick", found, 5) == ["tick never changes: is its sensor connected?"]
+
+
+@pytest.mark.parametrize("digits", [309, 5000])
+def test_a_number_of_too_many_digits_is_none_in_any_text(digits, tmp_path) -> None:
+    rows = [f"{k * 0.001:.3f},{'9' * digits if k == 5 else k}" for k in range(50)]
+    with pytest.raises(FormatError, match="must be a finite number, got '9999"):
+        rounded_of("csv", "\n".join(["t,y", *rows, ""]).encode(), tmp_path)
