@@ -19,12 +19,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL
+from sqlalchemy import URL, select
+from sqlalchemy.exc import DatabaseError
 
 from storage import migrations
 from storage.checking import Findings, check
-from storage.copying import Content, Tell, copy, require_empty, snapshot
-from storage.errors import CopyError
+from storage.copying import Content, Tell, copy, require_empty, snapshot, tables
+from storage.errors import CopyError, is_damage, is_read_only
 from storage.models import Base
 from storage.models.base import utc_now
 from storage.objects import ObjectStore
@@ -120,19 +121,24 @@ def verify(path: Path, *, objects: ObjectStore | None = None) -> tuple[Manifest,
 
 
 def restore(path: Path, target: Database, *, tell: Tell = lambda _table, _rows: None) -> dict[str, Content]:
-    """Fill an empty, migrated database with a backup of this or an earlier version, or leave it empty.
+    """Fill an empty database with a backup of this or an earlier version, or leave it as it is; its tables are made once the backup is known to be whole.
 
     Raises
     ------
     CopyError
         When the backup is damaged or later than this version, or the database is not empty.
+    DatabaseUrlError
+        When there is a pooler in front of the database.
     """
     manifest = read_manifest(path)
-    with target.engine.connect() as connection:
-        require_empty(connection)
+    target.require_direct()
+    if target.is_current():  # said before a long backup is read
+        with target.engine.connect() as connection:
+            require_empty(connection)
     _require_whole(_altered(path, manifest))
     with _current_copy(path, manifest) as database:
         _require_whole(check(database.engine, objects=target.objects).faults)
+        target.migrate()
         with snapshot(database.engine) as source, target.engine.begin() as connection:
             return copy(source, connection, tell=tell)
 
@@ -148,7 +154,7 @@ def _altered(path: Path, manifest: Manifest) -> tuple[str, ...]:
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
             found = _digests(connection)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         return (f"SQLite cannot read {path}: {error}",)
     return tuple(
         f"table {table} must hold what was written into it, it holds something else"
@@ -210,7 +216,15 @@ def _current_copy(path: Path, manifest: Manifest) -> Iterator[Database]:
         own = Path(folder) / "backup.db"
         shutil.copyfile(path, own)
         with _opened(own) as database:
-            migrations.upgrade_tables(database.engine)
+            try:
+                migrations.upgrade_tables(database.engine)
+                with database.engine.connect() as connection:
+                    for table in tables():  # the names of columns are in no digest
+                        connection.execute(select(table).limit(0))
+            except (DatabaseError, UnicodeDecodeError) as error:
+                if is_damage(error) or is_read_only(error):  # a file that says so itself: the copy is our own
+                    _require_whole([f"SQLite cannot read {path}: {getattr(error, 'orig', error)}"])
+                raise
             yield database
 
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, Engine, func, select
+from sqlalchemy.exc import DatabaseError
 
 from storage.blobs import CHUNK_SIZE, PLACE, fetched
 from storage.copying import snapshot
-from storage.errors import DamagedBlobError
+from storage.errors import DamagedBlobError, is_damage
 from storage.models import Blob, BlobChunk
 from storage.objects import ObjectStore
 from storage.packing import DAMAGED, decode
@@ -34,18 +35,23 @@ class Findings:
 def check(engine: Engine, *, objects: ObjectStore | None = None, tell: Tell = lambda _done, _all: None) -> Findings:
     """Read everything once, also what lies in the object store; the database may be in use."""
     faults: list[str] = []
-    with snapshot(engine) as connection:
-        if engine.dialect.name == "sqlite":
-            faults += _pages(connection)
-        if faults:  # what cannot be read cannot be checked further
-            return Findings(blobs=0, bytes=0, faults=tuple(faults[:MOST_TOLD]))
-        count = connection.scalar(select(func.count()).select_from(Blob)) or 0
-        read = 0
-        heads = connection.execute(select(Blob.sha256, Blob.size).order_by(Blob.sha256)).all()
-        for number, head in enumerate(heads, start=1):
-            faults += _blob(connection, head.sha256, head.size, objects)
-            read += head.size
-            tell(number, count)
+    count = read = 0
+    try:
+        with snapshot(engine) as connection:
+            if engine.dialect.name == "sqlite":
+                faults.extend(_pages(connection))
+            if faults:  # what cannot be read cannot be checked further
+                return Findings(blobs=0, bytes=0, faults=tuple(faults[:MOST_TOLD]))
+            count = connection.scalar(select(func.count()).select_from(Blob)) or 0
+            heads = connection.execute(select(Blob.sha256, Blob.size).order_by(Blob.sha256)).all()
+            for number, head in enumerate(heads, start=1):
+                faults.extend(_blob(connection, head.sha256, head.size, objects))
+                read += head.size
+                tell(number, count)
+    except (DatabaseError, UnicodeDecodeError) as error:
+        if not is_damage(error):
+            raise
+        faults.append(f"SQLite finds the file damaged, and cannot read it any further: {getattr(error, 'orig', error)}")
     if len(faults) > MOST_TOLD:
         faults = [*faults[:MOST_TOLD], f"and {len(faults) - MOST_TOLD} more"]
     return Findings(blobs=count, bytes=read, faults=tuple(faults))
@@ -53,8 +59,9 @@ def check(engine: Engine, *, objects: ObjectStore | None = None, tell: Tell = la
 
 def _pages(connection: Connection) -> Iterator[str]:
     for (line,) in connection.exec_driver_sql("PRAGMA integrity_check(20)").all():
-        if line != "ok":
-            yield f"SQLite finds the file damaged: {line}"
+        for part in line.splitlines():  # several faults of one page come as one text, under a heading
+            if part != "ok" and not part.startswith("***"):
+                yield f"SQLite finds the file damaged: {part}"
     for table, row, parent, _number in connection.exec_driver_sql("PRAGMA foreign_key_check").all():
         yield f"row {row} of table {table} refers to a row of {parent} that is not there"
 

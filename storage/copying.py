@@ -16,6 +16,7 @@ from datetime import datetime
 from typing import Any
 
 from sqlalchemy import Connection, Engine, Table, delete, func, insert, select, update
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, StatementError
 from sqlalchemy.orm import Session
 
 from storage.errors import CopyError
@@ -83,7 +84,7 @@ def copy(source: Connection, target: Connection, *, tell: Tell = lambda _table, 
     Raises
     ------
     CopyError
-        When a table does not hold afterwards what was read.
+        When a table does not hold afterwards what was read, or what is read is damaged.
     """
     take_time(target)
     require_empty(target)
@@ -92,8 +93,16 @@ def copy(source: Connection, target: Connection, *, tell: Tell = lambda _table, 
     for table in tables():
         seen = _Digest(table)
         for batch in _rows(source, table):
-            seen.take(batch)
-            target.execute(insert(table), batch)
+            try:
+                seen.take(batch)
+                target.execute(insert(table), batch)
+            except (StatementError, TypeError, ValueError) as error:
+                if isinstance(error, DBAPIError) and not isinstance(error, (DataError, IntegrityError)):
+                    raise  # of the target, and not of what it is to take
+                why = getattr(error, "orig", error)
+                raise CopyError(
+                    f"rows of table {table.name} must be such as were written into it, got some that are damaged: {why}"
+                ) from error
             tell(table.name, seen.rows)
         copied[table.name] = seen.content()
     arrived = content(target)
@@ -136,8 +145,13 @@ def requeue(session: Session, enqueue: Callable[[Session, str], None]) -> int:
 def _rows(connection: Connection, table: Table) -> Iterator[list[dict[str, Any]]]:
     size = _BATCH_OF_CHUNKS if table.name == "blob_chunk" else _BATCH
     with connection.execution_options(yield_per=size).execute(select(table)) as found:
-        for batch in found.mappings().partitions():
-            yield [dict(row) for row in batch]
+        try:
+            for batch in found.mappings().partitions():
+                yield [dict(row) for row in batch]
+        except (TypeError, ValueError) as error:  # SQLite keeps instants and documents as texts
+            raise CopyError(
+                f"rows of table {table.name} must be such as were written into it, got some that are damaged: {error}"
+            ) from error
 
 
 class _Digest:

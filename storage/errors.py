@@ -36,6 +36,15 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 #: numbers are in its module.
 _READ_ONLY, _DISK_FULL, _LEFT_ALONE = "25006", "53100", "25P03"
 
+#: What SQLite says of the place and the moment, and not of what is in the file.
+_CIRCUMSTANCES = frozenset(
+    {
+        sqlite3.SQLITE_AUTH, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_FULL,
+        sqlite3.SQLITE_INTERRUPT, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_PERM,
+        sqlite3.SQLITE_PROTOCOL, sqlite3.SQLITE_READONLY,
+    }
+)  # fmt: skip
+
 
 def why_unavailable(error: Exception) -> str:
     """Return a clause that says why the database, or the store of blobs, could not do its work, without anything of what it was."""
@@ -43,13 +52,30 @@ def why_unavailable(error: Exception) -> str:
         return error.message
     cause = getattr(error, "orig", None)
     state, code = getattr(cause, "sqlstate", None), getattr(cause, "sqlite_errorcode", 0) & 0xFF
-    if state == _READ_ONLY or code == sqlite3.SQLITE_READONLY:
+    if is_read_only(error):
         return "the database takes no changes: it is read-only"
     if state == _DISK_FULL or code == sqlite3.SQLITE_FULL:
         return "the database takes no changes: its disk is full"
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
         return "the database takes no changes: another process has held its lock for too long"
     return "the database does not answer"
+
+
+def is_damage(error: Exception) -> bool:
+    """Tell whether SQLite could not read what is in its file, and not only do nothing with it now; a column or letters that are not there, too."""
+    cause = getattr(error, "orig", error)
+    if isinstance(cause, UnicodeDecodeError):  # in what SQLite says of the damage, or in a text
+        return True
+    if not isinstance(cause, sqlite3.DatabaseError):
+        return False
+    return (getattr(cause, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF) not in _CIRCUMSTANCES
+
+
+def is_read_only(error: Exception) -> bool:
+    """Tell whether the database takes no changes because it is read-only."""
+    cause = getattr(error, "orig", None)
+    code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
+    return getattr(cause, "sqlstate", None) == _READ_ONLY or code == sqlite3.SQLITE_READONLY
 
 
 def is_refusal(cause: BaseException | None) -> bool:

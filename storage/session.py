@@ -86,13 +86,23 @@ class Database:
         DatabaseUrlError
             When there is a pooler in between: the lock that the others wait for belongs to a session.
         """
+        self.require_direct()
+        from storage import migrations  # noqa: PLC0415 - alembic and dbos cost a second; children never migrate
+
+        migrations.upgrade(self.engine, self.url)
+
+    def require_direct(self) -> None:
+        """Make sure that the tables can be migrated.
+
+        Raises
+        ------
+        DatabaseUrlError
+            When there is a pooler in between.
+        """
         if self.pooled:
             raise DatabaseUrlError(
                 "tables must be migrated past the pooler: SERVOTUNE_DIRECT_DATABASE_URL must name the server itself"
             )
-        from storage import migrations  # noqa: PLC0415 - alembic and dbos cost a second; children never migrate
-
-        migrations.upgrade(self.engine, self.url)
 
     def is_current(self) -> bool:
         """Return whether every table is as this version of the software needs it."""
@@ -258,7 +268,7 @@ def _write_ahead(connection: sqlite3.Connection) -> None:
             if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
                 raise
             time.sleep(0.01)
-        except sqlite3.DatabaseError as error:
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             (_, _, path) = connection.execute("PRAGMA database_list").fetchone()
             raise DatabaseUrlError(
                 f"{path} must be a SQLite database, got a file that is none or is damaged ({error}): name another one, or restore a backup"

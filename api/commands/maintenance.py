@@ -79,7 +79,6 @@ def restore(argv: Sequence[str]) -> int:
         manifest = backups.read_manifest(given.file)
         settings = read_settings()
         with _database(settings.database_url, objects=settings.objects) as database:
-            database.migrate()
             copied = backups.restore(given.file, database, tell=_progress)
             waiting = _requeue(database)
         made = f"{manifest.created_at:%Y-%m-%d %H:%M} UTC by version {manifest.version}"
@@ -239,32 +238,46 @@ def move_blobs(argv: Sequence[str]) -> int:
 
 @contextmanager
 def _database(url: str, *, there: bool = False, objects: ObjectStore | None = None) -> Iterator[Database]:
-    """Open a database; one that must be ``there`` is not made by opening it."""
+    """Open a database; one that must be ``there`` is not made by opening it, and a file that was not goes again where the command fails."""
     from storage.errors import CopyError
-    from storage.session import open_database
+    from storage.session import open_database, sqlite_file
 
     database = open_database(url, objects=objects)
-    path = database.engine.url.database
-    if there and database.engine.dialect.name == "sqlite" and not Path(str(path)).is_file():
+    path = sqlite_file(url)
+    new = path is not None and not path.exists()
+    if there and path is not None and not path.is_file():
         raise CopyError(f"the database must exist, got {path}")
+    done = False
     try:
         database.ping()
         yield database
+        done = True
     finally:
         database.dispose()
+        if path is not None and new and not done:
+            for left in ("", "-wal", "-shm", "-journal"):
+                path.with_name(path.name + left).unlink(missing_ok=True)
 
 
 @contextmanager
 def _speaking() -> Iterator[None]:
     """Turn what goes wrong into a sentence and exit code 1."""
-    from storage.errors import UNAVAILABLE, StorageError
+    from sqlalchemy.exc import DatabaseError
+
+    from storage.errors import UNAVAILABLE, StorageError, is_damage
 
     unreachable: tuple[type[Exception], ...] = UNAVAILABLE
     try:
         yield
     except StorageError as error:
         raise SystemExit(str(error)) from error
-    except unreachable as error:
+    except (DatabaseError, UnicodeDecodeError, *unreachable) as error:
+        if is_damage(error):
+            raise SystemExit(
+                f"the database must be one that SQLite can read, got one that is damaged: {getattr(error, 'orig', error)}"
+            ) from error
+        if not isinstance(error, unreachable):
+            raise
         raise SystemExit(f"the database must be reachable: {str(error).splitlines()[0]}") from error
     except OSError as error:
         raise SystemExit(f"the file must be readable, its directory writable: {error}") from error

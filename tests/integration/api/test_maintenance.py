@@ -285,12 +285,7 @@ def test_a_damaged_backup_is_refused_and_nothing_is_restored(whole, tmp_path, mo
     damage(file)
     url = f"sqlite:///{tmp_path / 'target.db'}"
     assert says in refused(maintenance.restore, file, url=url, monkeypatch=monkeypatch)
-    if (tmp_path / "target.db").exists():
-        target = open_database(url)
-        target.migrate()
-        with target.session() as session:
-            assert session.scalars(select(Job)).all() == []
-        target.dispose()
+    assert list(tmp_path.glob("target.db*")) == []
 
 
 def test_nothing_is_overwritten(whole, tmp_path, monkeypatch) -> None:
