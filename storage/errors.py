@@ -6,6 +6,7 @@
     ├── NotFoundError             no such thing in this workspace
     ├── RevisionConflictError     somebody else changed it first
     ├── StateError                the thing is not in a state that allows this
+    │   ├── UnmigratedError       tables that are not yet as this version needs them
     │   └── LeaseLostError        a rig's job is not this agent's any more
     │       └── CancelledError    because a person has cancelled it
     ├── ChecksumError             bytes that are not what they claim to be
@@ -138,6 +139,10 @@ class RevisionConflictError(StorageError):
 
 class StateError(StorageError):
     """The thing is in a state that does not allow this."""
+
+
+class UnmigratedError(StateError):
+    """The tables are not yet as this version needs them."""
 
 
 class LeaseLostError(StateError):

@@ -17,7 +17,7 @@ from dbos import DBOS, DBOSClient, DBOSConfig
 
 from storage import models, processes
 from storage.clock import shared_now
-from storage.errors import UNAVAILABLE, StateError
+from storage.errors import UNAVAILABLE, StateError, UnmigratedError
 from storage.jobs import private_calls
 from storage.jobs.bell import Bell
 from storage.jobs.children import Zygote
@@ -122,7 +122,7 @@ class Worker:
             self._database = open_database(self._url, objects=self._objects)
             undo.callback(self._database.dispose)
             if not self._database.serves():
-                raise StateError("the database must be migrated before a worker starts")
+                raise UnmigratedError("the database must be migrated before a worker starts")
             zygote = Zygote(self._compute)
             undo.callback(zygote.close)
             zygote.warm_up()
@@ -176,7 +176,7 @@ class Worker:
         Raises
         ------
         StateError
-            When the database is not migrated.
+            When the database is not migrated for ten minutes.
         storage.errors.UNAVAILABLE
             When it does not answer for ten minutes.
         """
@@ -188,16 +188,17 @@ class Worker:
                 self.stop()
 
     def _start_patiently(self, stop: threading.Event) -> bool:
-        """Start, once the database answers; False when told to stop before."""
+        """Start, once the database answers and is migrated; False when told to stop before."""
         pause, give_up_at = _PAUSE, time.monotonic() + _LONGEST_WAIT
         while not stop.is_set():
             try:
                 self.start()
-            except UNAVAILABLE as error:
+            except (*UNAVAILABLE, UnmigratedError) as error:
                 if time.monotonic() >= give_up_at:
                     raise
+                awaited = "the database to be migrated" if isinstance(error, UnmigratedError) else "the database"
                 reason = str(error).splitlines()[0]
-                _log.warning("the worker waits for the database, and asks again in %.1f s: %s", pause, reason)
+                _log.warning("the worker waits for %s, and asks again in %.1f s: %s", awaited, pause, reason)
                 stop.wait(pause)
                 pause = min(2 * pause, _LONGEST_PAUSE)
             else:

@@ -65,7 +65,31 @@ def test_it_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         worker.run(threading.Event())
 
 
-def test_a_database_that_is_not_migrated_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_start_in_a_database_that_is_not_migrated_is_refused_at_once(tmp_path: Path) -> None:
+    worker = Worker(f"sqlite:///{tmp_path}/empty.db", compute=COMPUTE)
+    with pytest.raises(StateError, match="the database must be migrated before a worker starts"):
+        worker.start()
+
+
+def test_it_waits_for_the_migration_and_works_then(empty_database_url: str, caplog: pytest.LogCaptureFixture) -> None:
+    """As in a cluster, where nobody says which container is first."""
+    database = open_database(empty_database_url)
+    stop = threading.Event()
+    worker = threading.Thread(target=Worker(empty_database_url, compute=COMPUTE).run, args=[stop])
+    worker.start()
+    try:
+        wait_for(lambda: caplog.text.count("the worker waits for the database to be migrated") >= 2, "two lines")
+        assert worker.is_alive()
+        database.migrate()
+        wait_for(lambda: at_work(database), "the worker")
+    finally:
+        stop.set()
+        worker.join()
+        database.dispose()
+
+
+def test_it_does_not_wait_for_the_migration_for_ever(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(workers, "_LONGEST_WAIT", 0.0)
     worker = Worker(f"sqlite:///{tmp_path}/empty.db", compute=COMPUTE)
     with pytest.raises(StateError, match="the database must be migrated before a worker starts"):
         worker.run(threading.Event())
