@@ -15,7 +15,7 @@ from servotune.errors import ConflictError, DocumentError
 from servotune.jobs import Jobs
 from servotune.progress import Observer
 from servotune.replies import ChannelData, Dataset
-from servotune.targets import target_of
+from servotune.targets import room_at, target_of
 from servotune.transport import Transport, pause
 
 SEGMENT_BYTES = 8 * 1024 * 1024
@@ -232,7 +232,7 @@ class Datasets:
         try:
             path = f"/v1/datasets/{dataset}/export?{query}"
             opened = self._transport.stream(path, headers={"Accept": "*/*"}, silence=_LONGEST_SILENCE)
-            with opened as response, part.open("wb") as file:
+            with room_at(target), opened as response, part.open("wb") as file:
                 for piece in response.iter_bytes():
                     file.write(piece)
             part.replace(target)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from servotune.repeating import Repeated, Told, repeat
 from servotune.replies.base import Reply
-from servotune.targets import target_of
+from servotune.targets import room_at, target_of
 from servotune.transport import Transport
 
 Direction = Literal["both", "up", "down"]
@@ -70,6 +70,7 @@ class Lineage:
         path = f"/v1/lineage/{identifier}/bundle?direction={direction}"
         try:
             with (
+                room_at(output),
                 self._transport.stream(path, headers={"Accept": "application/zip"}, silence=_SILENCE) as response,
                 part.open("wb") as file,
             ):

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from servotune.documents import given
 from servotune.replies.base import Reply
 from servotune.replies.results import result_of
-from servotune.targets import target_of
+from servotune.targets import room_at, target_of
 from servotune.transport import Transport
 
 Form = Literal["html", "pdf"]
@@ -71,5 +71,6 @@ def report_of(transport: Transport, place: str, form: Form, path: Path | str | N
     target = None if path is None else target_of(path, "path")
     found = transport.send("GET", f"{place}/report", params={"format": form, "language": language}).content
     if target is not None:
-        target.write_bytes(found)
+        with room_at(target):
+            target.write_bytes(found)
     return found

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -23,3 +26,21 @@ def target_of(given: Path | str, name: str) -> Path:
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise ValueError(f"{rule}, got {str(path)!r}, which this user may not")
     return path
+
+
+@contextmanager
+def room_at(target: Path) -> Iterator[None]:
+    """Name the file whose disk is full; the system does not.
+
+    Raises
+    ------
+    OSError
+        What is written inside finds no room.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in {errno.ENOSPC, errno.EDQUOT}:
+            raise
+        rule = f"the disk of {target} must have room for what is written, it is full"
+        raise OSError(rule) from error

@@ -25,7 +25,7 @@ from sqlalchemy.exc import DatabaseError
 from storage import migrations
 from storage.checking import Findings, check
 from storage.copying import Content, Tell, copy, require_empty, snapshot, tables
-from storage.errors import CopyError, is_damage, is_read_only
+from storage.errors import CopyError, FullDiskError, full_disk, is_damage, is_full, is_read_only
 from storage.models import Base
 from storage.models.base import utc_now
 from storage.objects import ObjectStore
@@ -54,7 +54,7 @@ def make(
     Raises
     ------
     CopyError
-        When the file exists, or the database is not as this version needs it.
+        When the file exists, its disk is full, or the database is not as this version needs it.
     OSError
         When the file cannot be written.
     """
@@ -65,15 +65,16 @@ def make(
     _require_current(database)
     partial = path.with_name(f".{path.name}.partial")
     partial.unlink(missing_ok=True)
-    os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))  # it holds secrets
     try:
-        with _opened(partial) as target:
-            Base.metadata.create_all(target.engine)
-            migrations.stamp(target.engine)
-            with snapshot(database.engine) as source, target.engine.begin() as connection:
-                copied = copy(source, connection, tell=tell)
-        _seal(partial, version=version)
-        partial.rename(path)
+        with _room(partial, f"the disk of {path} must have room for the backup, it is full"):
+            os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))  # it holds secrets
+            with _opened(partial) as target:
+                Base.metadata.create_all(target.engine)
+                migrations.stamp(target.engine)
+                with snapshot(database.engine) as source, target.engine.begin() as connection:
+                    copied = copy(source, connection, tell=tell)
+            _seal(partial, version=version)
+            partial.rename(path)
     finally:
         for left in path.parent.glob(f"{partial.name}*"):
             left.unlink()
@@ -210,12 +211,11 @@ def _current_copy(path: Path, manifest: Manifest) -> Iterator[Database]:
             f"the backup must be of this or an earlier version, it was made by {manifest.version} "
             f"(revision {manifest.revision} of the migrations)"
         )
-    with tempfile.TemporaryDirectory(
-        prefix="servotune-", dir=path.parent if os.access(path.parent, os.W_OK) else None
-    ) as folder:
+    place = path.parent if os.access(path.parent, os.W_OK) else Path(tempfile.gettempdir())
+    with tempfile.TemporaryDirectory(prefix="servotune-", dir=place) as folder:
         own = Path(folder) / "backup.db"
-        shutil.copyfile(path, own)
-        with _opened(own) as database:
+        no_room = f"{place} must have room for a copy of the backup, its disk is full"
+        with _room(own, no_room), _copied(path, own) as database:
             try:
                 migrations.upgrade_tables(database.engine)
                 with database.engine.connect() as connection:
@@ -226,6 +226,25 @@ def _current_copy(path: Path, manifest: Manifest) -> Iterator[Database]:
                     _require_whole([f"SQLite cannot read {path}: {getattr(error, 'orig', error)}"])
                 raise
             yield database
+
+
+@contextmanager
+def _room(file: Path, no_room: str) -> Iterator[None]:
+    """Say in words that the user knows that a file of ours finds no room; of another database it says itself."""
+    try:
+        yield
+    except (OSError, sqlite3.Error, FullDiskError) as error:
+        ours = not isinstance(error, FullDiskError) or error.place == str(file)
+        if ours and (is_full(error) or full_disk(error) is not None):
+            raise CopyError(no_room) from error
+        raise
+
+
+@contextmanager
+def _copied(path: Path, own: Path) -> Iterator[Database]:
+    shutil.copyfile(path, own)
+    with _opened(own) as database:
+        yield database
 
 
 @contextmanager

@@ -26,6 +26,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 from collections.abc import Sequence
 from typing import ClassVar
@@ -52,10 +53,10 @@ def why_unavailable(error: Exception) -> str:
     if isinstance(error, ObjectStoreError):
         return error.message
     cause = getattr(error, "orig", None)
-    state, code = getattr(cause, "sqlstate", None), getattr(cause, "sqlite_errorcode", 0) & 0xFF
+    code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
     if is_read_only(error):
         return "the database takes no changes: it is read-only"
-    if state == _DISK_FULL or code == sqlite3.SQLITE_FULL:
+    if is_full(cause) or isinstance(error, FullDiskError):
         return "the database takes no changes: its disk is full"
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
         return "the database takes no changes: another process has held its lock for too long"
@@ -77,6 +78,23 @@ def is_read_only(error: Exception) -> bool:
     cause = getattr(error, "orig", None)
     code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
     return getattr(cause, "sqlstate", None) == _READ_ONLY or code == sqlite3.SQLITE_READONLY
+
+
+def full_disk(error: BaseException) -> str | None:
+    """Return the sentence that says whose disk is full; None for another error."""
+    if isinstance(error, FullDiskError):
+        place = error.place
+    elif isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        place = str(error.filename2 or error.filename or "what is written")
+    else:
+        return None
+    return f"the disk of {place} must have room for what is written, it is full"
+
+
+def is_full(cause: BaseException | None) -> bool:
+    """Tell whether a driver says that the disk is full."""
+    code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
+    return getattr(cause, "sqlstate", None) == _DISK_FULL or code == sqlite3.SQLITE_FULL
 
 
 def is_refusal(cause: BaseException | None) -> bool:
@@ -102,6 +120,12 @@ class DamagedBlobError(StorageError):
 
 #: What is raised when the database cannot be reached, is full, locked or read-only, or the object store.
 UNAVAILABLE: tuple[type[Exception], ...] = (OperationalError, InterfaceError, PoolTimeoutError, ObjectStoreError)
+
+
+class FullDiskError(OperationalError):
+    """The disk of a database is full; ``place`` says of which one."""
+
+    place = "the database"
 
 
 class VaultError(StorageError):

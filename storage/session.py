@@ -7,7 +7,9 @@ its turn (SQLite: ``BEGIN IMMEDIATE``, so that a reader never has to become a wr
 from __future__ import annotations
 
 import json
+import math
 import os
+import shutil
 import sqlite3
 import stat
 import threading
@@ -16,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +28,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from storage.clock import JumpDetector, shared_now
-from storage.errors import DatabaseUrlError, DocumentError, is_refusal
+from storage.errors import DatabaseUrlError, DocumentError, FullDiskError, is_full, is_refusal
 from storage.objects import ObjectStore
 from storage.postgres import use_sparingly
 
@@ -38,6 +41,9 @@ CONNECTIONS = 40
 
 #: How long (s) a Postgres that does not even refuse may take to let somebody in.
 CONNECT_TIMEOUT = 10
+
+#: Bytes that SQLite needs beside a file, for the index of its write-ahead log, and some pages.
+_LEAST_FREE = 1 << 16
 
 #: Values of statements stay out of logs and messages: they are the users' documents and the hashes of their keys.
 _ENGINE: dict[str, Any] = {"max_overflow": 0, "pool_use_lifo": True, "hide_parameters": True}
@@ -89,7 +95,12 @@ class Database:
         self.require_direct()
         from storage import migrations  # noqa: PLC0415 - alembic and dbos cost a second; children never migrate
 
-        migrations.upgrade(self.engine, self.url)
+        try:
+            migrations.upgrade(self.engine, self.url)
+        except OperationalError as error:  # the job engine makes its tables by a connection of its own
+            if isinstance(error, FullDiskError) or not is_full(error.orig):
+                raise
+            raise _full(error.statement, error.orig, self.engine.url) from error
 
     def require_direct(self) -> None:
         """Make sure that the tables can be migrated.
@@ -173,11 +184,13 @@ def open_database(url: str, *, connections: int = CONNECTIONS, objects: ObjectSt
         engine = create_engine(parsed, connect_args={"timeout": LOCK_TIMEOUT}, **options)
         event.listen(engine, "do_connect", _make_own)
         event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "handle_error", partial(_name_the_full_disk, engine.url))
     else:
         patience = {} if "connect_timeout" in parsed.query else {"connect_timeout": CONNECT_TIMEOUT}
         engine = create_engine(parsed.difference_update_query(["pooler"]), connect_args=patience, **options)
         use_sparingly(engine, pooled=pooled)
         event.listen(engine, "handle_error", _count_refusals_as_unavailable)
+        event.listen(engine, "handle_error", partial(_name_the_full_disk, engine.url))
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,
@@ -192,6 +205,34 @@ def _count_refusals_as_unavailable(context: ExceptionContext) -> None:
     cause = context.original_exception
     if is_refusal(cause):
         raise OperationalError(context.statement, None, cause, hide_parameters=True) from cause
+
+
+def _name_the_full_disk(url: URL, context: ExceptionContext) -> None:
+    """Raise that a disk is full with the name of the file, or of the server: a copy has two of them.
+
+    Where not even the index of the write-ahead log has room SQLite says no more than that it cannot read or write.
+    """
+    cause = context.original_exception
+    code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
+    if is_full(cause) or (
+        code == sqlite3.SQLITE_IOERR and _free(Path(str(url.database)).absolute().parent) < _LEAST_FREE
+    ):
+        raise _full(context.statement, cause, url) from cause
+
+
+def _full(statement: str | None, cause: BaseException | None, url: URL) -> FullDiskError:
+    assert cause is not None
+    error = FullDiskError(statement, None, cause, hide_parameters=True)
+    sqlite = url.get_backend_name() == "sqlite"
+    error.place = str(url.database) if sqlite else url.render_as_string(hide_password=True)
+    return error
+
+
+def _free(directory: Path) -> float:
+    try:
+        return shutil.disk_usage(directory).free
+    except OSError:  # another fault, which SQLite has told
+        return math.inf
 
 
 def _to_json(document: Any) -> str:

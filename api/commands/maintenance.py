@@ -264,7 +264,7 @@ def _speaking() -> Iterator[None]:
     """Turn what goes wrong into a sentence and exit code 1."""
     from sqlalchemy.exc import DatabaseError
 
-    from storage.errors import UNAVAILABLE, StorageError, is_damage
+    from storage.errors import UNAVAILABLE, StorageError, full_disk, is_damage
 
     unreachable: tuple[type[Exception], ...] = UNAVAILABLE
     try:
@@ -272,6 +272,8 @@ def _speaking() -> Iterator[None]:
     except StorageError as error:
         raise SystemExit(str(error)) from error
     except (DatabaseError, UnicodeDecodeError, *unreachable) as error:
+        if (full := full_disk(error)) is not None:
+            raise SystemExit(full) from error
         if is_damage(error):
             raise SystemExit(
                 f"the database must be one that SQLite can read, got one that is damaged: {getattr(error, 'orig', error)}"
@@ -280,7 +282,8 @@ def _speaking() -> Iterator[None]:
             raise
         raise SystemExit(f"the database must be reachable: {str(error).splitlines()[0]}") from error
     except OSError as error:
-        raise SystemExit(f"the file must be readable, its directory writable: {error}") from error
+        told = full_disk(error) or f"the file must be readable, its directory writable: {error}"
+        raise SystemExit(told) from error
 
 
 def _require_stopped(database: Database) -> None:

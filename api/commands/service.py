@@ -111,7 +111,7 @@ def worker(argv: Sequence[str]) -> int:
 
     with uncollected():
         from api.telemetry.tracing import traces_of
-        from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
+        from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError, full_disk
         from storage.jobs.worker import Worker
 
     settings = read_settings()
@@ -131,7 +131,7 @@ def worker(argv: Sequence[str]) -> int:
             objects=settings.objects,
         ).run(stop)
     except unreachable as error:
-        raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
+        raise SystemExit(full_disk(error) or f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except StateError as error:
         raise SystemExit(str(error)) from error
     finally:
@@ -201,7 +201,7 @@ def _prepare(settings: Settings) -> None:
         from api.services.access.keys import bootstrap
         from api.services.operation.app_context import vault_of
         from storage import key_file
-        from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
+        from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError, full_disk
         from storage.repositories.webhooks import renew_secrets
         from storage.session import open_database
 
@@ -220,7 +220,7 @@ def _prepare(settings: Settings) -> None:
         finally:
             database.dispose()
     except unreachable as error:
-        raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
+        raise SystemExit(full_disk(error) or f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except VaultError as error:
         place = key_file.path_of(settings.database_url)
         also = "" if place is None else f" (without that setting, the one in {place})"
