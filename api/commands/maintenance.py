@@ -267,11 +267,12 @@ def _speaking() -> Iterator[None]:
     from storage.errors import UNAVAILABLE, StorageError, full_disk, is_damage
 
     unreachable: tuple[type[Exception], ...] = UNAVAILABLE
+    unreadable: tuple[type[Exception], ...] = (DatabaseError, UnicodeDecodeError, *unreachable)
     try:
         yield
     except StorageError as error:
         raise SystemExit(str(error)) from error
-    except (DatabaseError, UnicodeDecodeError, *unreachable) as error:
+    except unreadable as error:
         if (full := full_disk(error)) is not None:
             raise SystemExit(full) from error
         if is_damage(error):

@@ -189,11 +189,12 @@ class Worker:
 
     def _start_patiently(self, stop: threading.Event) -> bool:
         """Start, once the database answers and is migrated; False when told to stop before."""
+        awaited_errors: tuple[type[Exception], ...] = (*UNAVAILABLE, UnmigratedError)
         pause, give_up_at = _PAUSE, time.monotonic() + _LONGEST_WAIT
         while not stop.is_set():
             try:
                 self.start()
-            except (*UNAVAILABLE, UnmigratedError) as error:
+            except awaited_errors as error:
                 if time.monotonic() >= give_up_at:
                     raise
                 awaited = "the database to be migrated" if isinstance(error, UnmigratedError) else "the database"
