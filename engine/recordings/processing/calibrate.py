@@ -39,6 +39,11 @@ class Calibrate:
 
     def apply(self, record: Record) -> Record:
         """Return the record with the channel scaled."""
-        values = self.scale * record.values(self.channel) + self.offset
+        given = record.values(self.channel)
+        with np.errstate(over="ignore"):
+            values = self.scale * given + self.offset
+        if np.isinf(values[np.isfinite(given)]).any():  # which would count as missing samples
+            msg = f"scale must leave the samples of channel {self.channel} within float64, got {self.scale:g}"
+            raise ProcessingError(msg, at=("scale",))
         unit = record.unit(self.channel) if self.unit is None else self.unit
         return record.changed({self.channel: values}, {self.channel: unit})

@@ -41,7 +41,7 @@ class Differentiate:
         """Return the record with the derivative."""
         values = record.values(self.channel, complete=True)
         if self.low_pass is not None:
-            design = ZeroPhaseFilter(band="low_pass", frequency=self.low_pass, order=self.order)
+            design = ZeroPhaseFilter(band="low_pass", frequency=self.low_pass, order=self.order, called="low_pass")
             values = filtered(values, record.rate, design)
         name = self.name or self.channel
         return record.changed(

@@ -40,7 +40,7 @@ class Integrate:
         """Return the record with the integral."""
         values = integrated(record.values(self.channel, complete=True), record.rate)
         if self.high_pass is not None:
-            design = ZeroPhaseFilter(band="high_pass", frequency=self.high_pass, order=self.order)
+            design = ZeroPhaseFilter(band="high_pass", frequency=self.high_pass, order=self.order, called="high_pass")
             values = filtered(values, record.rate, design)
         name = self.name or self.channel
         return record.changed({name: values}, {name: times_second(record.unit(self.channel))})

@@ -90,7 +90,7 @@ class Resample:
 
     def _ratio(self, old: float) -> Fraction:
         wanted = self.rate / old
-        ratio = Fraction(wanted).limit_denominator(MOST_FACTOR)
+        ratio = Fraction(wanted).limit_denominator(MOST_FACTOR) if np.isfinite(wanted) else Fraction(0)
         if not 0 < ratio.numerator <= MOST_FACTOR or abs(float(ratio) / wanted - 1) > _SAME:
             msg = (
                 f"rate must be a/b of the recording's {old:.10g} samples/s with whole a and b <= {MOST_FACTOR}, "

@@ -26,6 +26,12 @@ Family = Literal["butterworth", "chebyshev1"]
 
 MOST_ORDER = 20
 
+#: What rounding may move of what a filter answers, and the square of a pole's distance from 1, and twice that from the unit circle,
+#: below which it moves as much.
+_ROUNDING, _LEAST_DISTANCE = 1e-3, 1e-12
+#: No filter answers so much more than it is given, whose gain is 1 at most; rounding does, where steep filters cover decades.
+_MOST_GAIN = 100.0
+
 _BANDS: Mapping[Band, Literal["lowpass", "highpass", "bandpass", "bandstop"]] = {
     "low_pass": "lowpass",
     "high_pass": "highpass",
@@ -50,6 +56,8 @@ class ZeroPhaseFilter:
         In the pass band of one pass, dB; of ``chebyshev1``.
     channels : tuple of str, optional
         All by default.
+    called : str
+        What the edges are called where another step has them.
 
     Raises
     ------
@@ -63,20 +71,27 @@ class ZeroPhaseFilter:
     family: Family = "butterworth"
     ripple: float = 0.05
     channels: tuple[str, ...] | None = None
+    called: str = "frequency"
 
     def __post_init__(self) -> None:
         edges = self.edges
         wanted = 2 if self.band.startswith("band") else 1
         if len(edges) != wanted:
             word = "two edges" if wanted == 2 else "one number"
-            raise ProcessingError(f"frequency must be {word} for a {self.band}, got {len(edges)}", at=("frequency",))
+            raise ProcessingError(
+                f"{self.called} must be {word} for a {self.band}, got {len(edges)}", at=(self.called,)
+            )
         if any(not edge > 0 for edge in edges) or (wanted == 2 and not edges[0] < edges[1]):
             shown = ", ".join(f"{edge:g}" for edge in edges)
-            raise ProcessingError(f"frequency must be > 0 rad/s and increasing, got {shown}", at=("frequency",))
+            raise ProcessingError(f"{self.called} must be > 0 rad/s and increasing, got {shown}", at=(self.called,))
         if not 1 <= self.order <= MOST_ORDER:
             raise ProcessingError(f"order must be 1 to {MOST_ORDER}, got {self.order}", at=("order",))
         if not 0 < self.ripple <= 10:
             raise ProcessingError(f"ripple must be > 0 and <= 10 dB, got {self.ripple:g}", at=("ripple",))
+        if 10 ** (self.ripple / 10) == 1:
+            raise ProcessingError(
+                f"ripple must be > 1e-15 dB, which float64 tells from none, got {self.ripple:g}", at=("ripple",)
+            )
 
     @property
     def edges(self) -> tuple[float, ...]:
@@ -105,22 +120,75 @@ def filtered(values: Real, rate: float, design: ZeroPhaseFilter) -> Real:
     Raises
     ------
     ProcessingError
-        If an edge is not below half the rate, or the recording is too short to be continued at its ends.
+        If an edge is not below half the rate, or so far below it that float64 does not resolve the filter; if the recording is
+        too short to be continued at its ends.
     """
     # the package costs a tenth of a second, which a service that filters nothing need not pay
-    from scipy.signal import butter, cheby1, sosfiltfilt  # noqa: PLC0415
+    from scipy.signal import sosfiltfilt  # noqa: PLC0415
 
     if design.edges[-1] >= np.pi * rate:
-        msg = f"frequency must be < {np.pi * rate:g} rad/s (half the sample rate), got {design.edges[-1]:g}"
-        raise ProcessingError(msg, at=("frequency",))
+        msg = f"{design.called} must be < {np.pi * rate:g} rad/s (half the sample rate), got {design.edges[-1]:g}"
+        raise ProcessingError(msg, at=(design.called,))
     relative = [edge / (np.pi * rate) for edge in design.edges]
-    edges = relative if len(relative) == 2 else relative[0]
-    poles = design.order * len(relative)
-    reach = 3 * poles
+    reach = 3 * design.order * len(relative)
     if values.size <= reach:
         raise ProcessingError(f"the recording must be > {reach} samples for this filter, got {values.size}", at=())
-    if design.family == "butterworth":
-        sections = butter(design.order, edges, btype=_BANDS[design.band], output="sos")
+    sections = _sections(design, relative)
+    if sections is None:
+        raise _unresolved(design, relative, rate)
+    found = np.asarray(sosfiltfilt(sections, values, padlen=reach), dtype=np.float64)
+    if np.abs(found).max() > _MOST_GAIN * np.abs(values).max():
+        raise _unresolved(design, relative, rate)
+    return found
+
+
+def _sections(design: ZeroPhaseFilter, relative: list[float]) -> Real | None:
+    """Return the sections of second order for edges in units of half the sample rate; None where float64 does not resolve them."""
+    from scipy.signal import butter, cheby1  # noqa: PLC0415 - as above
+
+    edges = relative if len(relative) == 2 else relative[0]
+    band = _BANDS[design.band]
+    try:
+        with np.errstate(all="ignore"):
+            if design.family == "butterworth":
+                found = butter(design.order, edges, btype=band, output="sos")
+            else:
+                found = cheby1(design.order, design.ripple, edges, btype=band, output="sos")
+    except (
+        ValueError,
+        ZeroDivisionError,
+        OverflowError,
+    ):  # edges that are 0, or one, once they are divided by the rate
+        return None
+    first, second = found[:, 4], found[:, 5]
+    resolved = np.isfinite(found).all() and min((1 + first + second).min(), (1 - second).min()) >= _LEAST_DISTANCE
+    return np.asarray(found, dtype=np.float64) if resolved and _holds_constant(design, found) else None
+
+
+def _holds_constant(design: ZeroPhaseFilter, sections: Real) -> bool:
+    """Tell whether the sections leave of a constant what the filter leaves: in steep ones over decades rounding grows from section to section."""
+    from scipy.signal import sosfiltfilt  # noqa: PLC0415 - as above
+
+    kept = 0.0
+    if design.band in {"low_pass", "band_stop"}:
+        dips = design.family == "chebyshev1" and design.order % 2 == 0
+        kept = 10 ** (-design.ripple / 10) if dips else 1.0
+    reach = 6 * len(sections)
+    left = sosfiltfilt(sections, np.ones(2 * reach), padlen=reach)
+    return bool(np.abs(left - kept).max() <= _ROUNDING)
+
+
+def _unresolved(design: ZeroPhaseFilter, relative: list[float], rate: float) -> ProcessingError:
+    shown = ", ".join(f"{edge:g}" for edge in design.edges)
+    least = np.log(max(relative[0], 1e-300)), np.log(0.5)
+    if len(relative) == 2:
+        rule = "far enough from 0 and from each other that float64 resolves the filter"
     else:
-        sections = cheby1(design.order, design.ripple, edges, btype=_BANDS[design.band], output="sos")
-    return np.asarray(sosfiltfilt(sections, values, padlen=reach), dtype=np.float64)
+        for _ in range(40):  # where it begins to, to a part in a million
+            middle = sum(least) / 2
+            least = (least[0], middle) if _sections(design, [float(np.exp(middle))]) is not None else (middle, least[1])
+        rule = f">= {1.01 * np.exp(least[1]) * np.pi * rate:.3g} rad/s, below which float64 does not resolve the filter"
+    return ProcessingError(
+        f"{design.called} must be {rule} at {rate:g} samples/s (decimate first, or take a lower order), got {shown}",
+        at=(design.called,),
+    )

@@ -167,6 +167,10 @@ def test_a_long_recording_is_processed_by_a_worker(client, sqlite_worker, source
     [
         ([{"kind": "filter", "band": "low_pass", "frequency": {"value": 600, "unit": "Hz"}}], "/steps/0/frequency",
          "frequency must be < 3141.59 rad/s (half the sample rate), got 3769.91"),
+        ([{"kind": "filter", "band": "low_pass", "frequency": {"value": 1e-12, "unit": "Hz"}}], "/steps/0/frequency",
+         "frequency must be >= 0.00101 rad/s, below which float64 does not resolve the filter at 1000 samples/s (decimate first, or take a lower order), got 6.28319e-12"),
+        ([{"kind": "integrate", "channel": "u", "high_pass": 1e-12}], "/steps/0/high_pass",
+         "high_pass must be >= 0.00101 rad/s, below which float64 does not resolve the filter at 1000 samples/s (decimate first, or take a lower order), got 1e-12"),
         ([{"kind": "filter", "band": "low_pass", "frequency": {"value": 50, "unit": "mm"}}], "/steps/0/frequency",
          "frequency must be in rad/s, got 'mm'"),
         ([{"kind": "cut"}, {"kind": "integrate", "channel": "w"}], "/steps/1/channel",

@@ -232,6 +232,62 @@ def test_what_cannot_be_done_is_refused(make, rule: str) -> None:
         process(record(x=np.ones(50)), [make()])
 
 
+@pytest.mark.parametrize("family", ["butterworth", "chebyshev1"])
+@pytest.mark.parametrize("order", [1, 2, 4, 8, 20])
+@pytest.mark.parametrize("band", ["low_pass", "high_pass", "band_pass", "band_stop"])
+def test_no_edge_gives_numbers_that_rounding_has_made(band, order: int, family) -> None:
+    """Of a constant a filter leaves all or nothing, whatever its edge: forward and backward, with its ripple at most."""
+    constant = record(x=np.ones(500))
+    rng = np.random.default_rng(3)
+    noise = record(x=rng.standard_normal(2000))
+    done, places = 0, set()
+    for edge in [1e-300, 1e-100, 1e-20, *np.geomspace(1e-9, 3000.0, 25)]:
+        for frequency in (
+            [edge] if band.endswith("_pass") and not band.startswith("band") else [(edge, 1.001 * edge), (edge, 3050.0)]
+        ):
+            step = ZeroPhaseFilter(band=band, frequency=frequency, order=order, family=family)
+            try:
+                held, filtered = step.apply(constant).values("x"), step.apply(noise).values("x")
+            except ProcessingError as error:
+                places.add(error.at)
+                continue
+            done += 1
+            wanted = (1.0, 10 ** (-0.1 / 20)) if band in {"low_pass", "band_stop"} else (0.0, 0.0)
+            assert min(np.abs(held - value).max() for value in wanted) < 2e-3
+            assert np.abs(filtered).max() < 100 * np.abs(noise.values("x")).max()
+    assert done > 3
+    assert places == {("frequency",)}
+
+
+def test_an_edge_that_float64_does_not_resolve_is_named_with_the_least_that_it_does() -> None:
+    """A pole at a distance of 0.001 rad/s over 1000 samples/s has the square 1e-12, of which rounding leaves four digits."""
+    with pytest.raises(
+        ProcessingError, match=r"frequency must be >= 0.00101 rad/s, .* at 1000 samples/s .*, got 6.3e-12"
+    ):
+        ZeroPhaseFilter(band="low_pass", frequency=6.3e-12).apply(record(x=sine(5)))
+    ZeroPhaseFilter(band="low_pass", frequency=0.00101).apply(record(x=sine(5)))
+    for step, name in (
+        (Differentiate(channel="x", low_pass=1e-12), "low_pass"),
+        (Integrate(channel="x", high_pass=1e-12), "high_pass"),
+        (Integrate(channel="x", high_pass=4000.0), "high_pass"),
+    ):
+        with pytest.raises(ProcessingError, match=f"{name} must be") as caught:
+            process(record(x=sine(5)), [step])
+        assert caught.value.at == ("steps", 0, name)
+
+
+def test_numbers_beyond_float64_are_refused_by_name() -> None:
+    slow = record(rate=1e-3, x=sine(5))
+    with pytest.raises(ProcessingError, match=r"rate must be a/b of the recording's 0.001 samples/s .*, got 1.7e\+308"):
+        Resample(rate=1.7e308).apply(slow)
+    with pytest.raises(
+        ProcessingError, match=r"scale must leave the samples of channel x within float64, got 1.7e\+308"
+    ):
+        Calibrate(channel="x", scale=1.7e308).apply(record(x=3 * sine(5)))
+    with pytest.raises(ProcessingError, match="ripple must be > 1e-15 dB"):
+        Decimate(factor=2, ripple=1e-300).apply(slow)
+
+
 def test_missing_samples_are_named_with_their_place() -> None:
     values = np.ones(100)
     values[40:43] = np.nan
