@@ -109,7 +109,9 @@ class Settings(BaseSettings):
     @field_validator("cluster_key")
     @classmethod
     def _encrypted(cls, key: Path | None, given: ValidationInfo) -> Path | None:
-        """Check what belongs to TLS; this is the last field of those that do."""
+        """Check what belongs to TLS; this is the last field of those that do. Where another one is wrong, that is what is told."""
+        if not {"cluster", "cluster_ca", "cluster_cert"} <= given.data.keys():
+            return key
         address = given.data.get("cluster") or ""
         for name, file in (
             ("CA", given.data.get("cluster_ca")),
@@ -123,6 +125,8 @@ class Settings(BaseSettings):
                     else "given with SERVOTUNE_CLUSTER=tls://..."
                 )
                 raise ValueError(f"SERVOTUNE_CLUSTER_{name} must be {rule}, got {file or 'none'}")
+        if key is not None:
+            _require_chain(given.data["cluster_ca"], given.data["cluster_cert"], key)
         return key
 
     @field_validator("oidc_roles")
@@ -131,7 +135,7 @@ class Settings(BaseSettings):
         """Check what belongs together; this is the last field of those that do."""
         if given.data.get("oidc_issuer") is not None:
             for name in ("oidc_client_id", "public_url"):
-                if given.data.get(name) is None:
+                if given.data.get(name, "wrong, and told by itself") is None:
                     raise ValueError(f"SERVOTUNE_{name.upper()} must be given with SERVOTUNE_OIDC_ISSUER, got none")
             if not roles:
                 raise ValueError("roles must be given with SERVOTUNE_OIDC_ISSUER, or nobody could sign in, got none")
@@ -170,6 +174,25 @@ class Settings(BaseSettings):
     def encrypted(self) -> bool:
         """Whether browsers reach the service by HTTPS, and only so."""
         return self.public_url is not None and self.public_url.startswith("https://")
+
+
+def _require_chain(ca: Path, certificate: Path, key: Path) -> None:
+    """Make sure that a connection over TLS can be begun with these files: a search would notice hours later."""
+    import ssl  # noqa: PLC0415 - only where there is a cluster
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    for name, file in (("CA", ca), ("CERT", certificate)):
+        try:
+            context.load_verify_locations(file)
+        except OSError as error:
+            raise ValueError(
+                f"SERVOTUNE_CLUSTER_{name} must hold a certificate in PEM, got {file} ({error})"
+            ) from error
+    try:
+        context.load_cert_chain(certificate, key, password=lambda: "")  # none is asked for at a terminal
+    except OSError as error:
+        rule = f"the key of the certificate in {certificate}, in PEM and without a password"
+        raise ValueError(f"SERVOTUNE_CLUSTER_KEY must hold {rule}, got {key} ({error})") from error
 
 
 def _keys_of(given: SecretStr | None) -> tuple[str, ...]:
