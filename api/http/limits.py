@@ -8,6 +8,7 @@ that a client sends without waiting only those of one piece are read ahead.
 from __future__ import annotations
 
 import json
+import sys
 from asyncio import TimerHandle, Transport
 from collections import deque
 from enum import Enum, auto
@@ -26,6 +27,16 @@ MOST_HEADERS = 200
 PIECE = 1 << 12
 #: Pieces that are kept while requests before them are answered; a client that is told to wait has no reason to send more.
 _MOST_KEPT = 256
+_ONE_LENGTH = "a request must have either one header Content-Length or Transfer-Encoding, got"
+#: What the parser says, in words of ours, where it may be somebody's mistake and not another protocol.
+_REFUSED = {
+    "Duplicate Content-Length": f"{_ONE_LENGTH} Content-Length several times",
+    "Content-Length can't be present with Transfer-Encoding": f"{_ONE_LENGTH} both",
+    "Transfer-Encoding can't be present with Content-Length": f"{_ONE_LENGTH} both",
+    "Invalid character in Content-Length": "Content-Length must be a whole number of bytes, got something else",
+    "Empty Content-Length": "Content-Length must be a whole number of bytes, got nothing",
+    "Content-Length overflow": "Content-Length must be a number of bytes below 2^64, got a larger one",
+}
 #: How long a client that was refused is still listened to, s: one that finds its connection closed while it sends reads no answer.
 _LINGER = 2.0
 
@@ -137,9 +148,10 @@ class BoundedHead(HttpToolsProtocol):
         super().handle_websocket_upgrade()
 
     def send_400_response(self, _msg: str) -> None:
-        """Refuse what the parser does not take."""
-        status, detail = self._why or (HTTPStatus.BAD_REQUEST, "a request must be HTTP/1.1, got something else")
-        self._refuse(status, detail)
+        """Refuse what the parser does not take, with what it says of it; that holds nothing of the request."""
+        told = str(sys.exception() or "") or "it cannot be read"
+        detail = _REFUSED.get(told, f"a request must be well-formed HTTP/1.1 (RFC 9112), got another one: {told}")
+        self._refuse(*(self._why or (HTTPStatus.BAD_REQUEST, detail)))
 
     def _told(self, reading: _Reading) -> None:
         self._reading, self._untold = reading, 0

@@ -195,8 +195,20 @@ def test_one_connection_carries_any_number_of_requests() -> None:
         (b"GET /\xff HTTP/1.1\r\nhost: here\r\n\r\n", 400, "HTTP/1.1"),
         (b"GET / HTTP/1.1\r\n\r\n", 400, "one header Host, got 0"),
         (request("/", b"host: there"), 400, "one header Host, got 2"),
-        (request("/", b"content-length: 1", b"content-length: 2"), 400, "HTTP/1.1"),
-        (request("/", b"content-length: 1", b"transfer-encoding: chunked"), 400, "HTTP/1.1"),
+        (request("/", b"content-length: 1", b"content-length: 2"), 400, "got Content-Length several times"),
+        (
+            request("/", b"content-length: one"),
+            400,
+            "Content-Length must be a whole number of bytes, got something else",
+        ),
+        (request("/", b"content-length:"), 400, "Content-Length must be a whole number of bytes, got nothing"),
+        (request("/", b"content-length: " + b"9" * 30), 400, "below 2^64, got a larger one"),
+        (request("/", b"wrong name: 1"), 400, "well-formed HTTP/1.1 (RFC 9112), got another one: Invalid header token"),
+        (
+            request("/", b"content-length: 1", b"transfer-encoding: chunked"),
+            400,
+            "Content-Length or Transfer-Encoding, got both",
+        ),
         (request("/", b"transfer-encoding: chunked") + b"nonsense\r\n", 400, "HTTP/1.1"),
         (
             request("/", b"transfer-encoding: chunked") + b"0\r\nx: " + b"y" * (LONGEST_HEAD + 3 * PIECE),
