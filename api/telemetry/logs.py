@@ -6,8 +6,10 @@ import json
 import logging
 import re
 import sys
+import threading
 from contextvars import ContextVar
 from datetime import UTC, datetime
+from types import TracebackType
 from typing import Literal
 
 from storage.jobs.compute import ASKED_BY, CURRENT_JOB
@@ -66,3 +68,24 @@ def configure(level: str, *, form: Literal["text", "json"]) -> None:
     # The database library would write down every row that it reads.
     for library in ("alembic", "dbos", "sqlalchemy"):
         logging.getLogger(library).setLevel(logging.WARNING)
+    # The job engine would write lines of its own form when it starts, where its logger has no handler yet.
+    engine = logging.getLogger("dbos")
+    engine.handlers, engine.propagate = [logging.NullHandler()], True
+    logging.captureWarnings(capture=True)
+    sys.excepthook = _log_uncaught
+    threading.excepthook = _log_uncaught_in_thread
+
+
+def _log_uncaught(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+    if issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, error, traceback)
+        return
+    logging.getLogger(__name__).critical("the process ends by an error", exc_info=(kind, error, traceback))
+
+
+def _log_uncaught_in_thread(given: threading.ExceptHookArgs) -> None:
+    if given.exc_value is not None and not issubclass(given.exc_type, SystemExit):
+        name = "without a name" if given.thread is None else given.thread.name
+        logging.getLogger(__name__).error(
+            "thread %s ends by an error", name, exc_info=(given.exc_type, given.exc_value, given.exc_traceback)
+        )
