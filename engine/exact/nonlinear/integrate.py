@@ -228,7 +228,11 @@ class Integration:
         width = self._widths.within(gap)
         if width == gap and self._many():
             return
-        step, width = self._widths.solved(width, gap)
+        step, width, at_once = self._widths.solved(width, gap)
+        if at_once is not None:
+            self._note_guards(step, until(0.0))
+            self._event(step, at_once)
+            return
         tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
         crossing = first_crossing(step.guards, tolerances)
         if crossing is not None and crossing.theta * width <= gap:

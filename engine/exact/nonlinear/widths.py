@@ -55,6 +55,9 @@ class Widths:
         self.next, self.horizon = math.inf, 0.0
         self._first_scale = np.zeros(system.states)
         self._refused = self._vague = 0
+        self._sought: tuple[float, Step, Crossing] | None = (
+            None  # an early event, the step that has it, and the instant when that began
+        )
 
     @property
     def _now(self) -> float:
@@ -69,8 +72,11 @@ class Widths:
             return 0.5 * gap if width < 0.99 * gap else gap
         return width
 
-    def solved(self, width: float, gap: float) -> tuple[Step, float]:
-        """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good."""
+    def solved(self, width: float, gap: float) -> tuple[Step, float, Crossing | None]:
+        """Return an accurate step, its width (about ``width``, beyond ``gap`` where that is as good), and None; or an event that happens at once.
+
+        That is an early event of which no step that is short enough can be accurate: what it begins with is below rounding.
+        """
         straight, cause = self._straight(), ""
         longest = self.next
         if not self._first_scale.any():
@@ -78,6 +84,11 @@ class Widths:
         while True:
             now = self._now
             if width < 1e-14 * max(self.horizon, now):
+                if self._sought is not None and self._sought[0] == now:
+                    _, whole, event = self._sought
+                    self._sought, self._vague, self.next = None, 0, whole.width
+                    self._stepper.forget()
+                    return whole, whole.width, Crossing(index=event.index, theta=0.0)
                 self._bounds.stuck(now, self._board.x[0].real, self._first_scale, cause or self._without_value())
             self._bounds.step(now)
             step: Step | None = None
@@ -91,7 +102,7 @@ class Widths:
                 cause = error.message
             if step is not None and step.miss <= 1.0:
                 self._grow(step, width, gap)
-                return step, width
+                return step, width, None
             width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / self._stepper.order)))
             longest = width
             self._refused = _PATIENCE
@@ -115,7 +126,7 @@ class Widths:
         if width <= _RESOLVED * max(self.horizon, self._now):
             self._vague = 0
             return Crossing(index=event.index, theta=0.0)
-        self.next = width
+        self.next, self._sought = width, (self._now, step, event)
         self._stepper.forget()
         return None
 
