@@ -369,6 +369,8 @@ def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:
         assert max(way.count("L") for way in ways) > (20 if title == "speed" else 0)
         assert not any("NaN" in way for way in ways)
     page.get_by_role("button", name="Export speed").click()
+    expect(page.get_by_role("menuitem", name="Table")).to_be_visible()
+    assert faults(page) == []
     with page.expect_download() as table:
         page.get_by_role("menuitem", name="Table").click()
     lines = table.value.path().read_text().splitlines()

@@ -23,6 +23,8 @@ export const theme = createTheme({
     Select: { defaultProps: { size: "xs", allowDeselect: false } },
     MultiSelect: { defaultProps: { size: "xs" } },
     Textarea: { defaultProps: { size: "xs" } },
+    // A menu holds items alone: an empty one that only catches the first focus is no child of it (ARIA), and a reader would read it.
+    Menu: { defaultProps: { withInitialFocusPlaceholder: false } },
     Table: { defaultProps: { verticalSpacing: 6, fz: "sm" } },
   },
 });
