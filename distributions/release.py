@@ -28,6 +28,8 @@ STATED = {
     "zstd": "BSD-2-Clause",
 }
 """Package -> the licence that its text is."""
+LEFT_OUT = {"setuptools", "sparsediffpy"}
+"""What the image leaves out again, for nothing in it asks for them: see Containerfile."""
 NAMESPACE = "servotune-release"
 """What a signature is for: it is none of anything else that the key signs."""
 _CLASSIFIER = "License :: OSI Approved :: "
@@ -36,7 +38,8 @@ _CLASSIFIER = "License :: OSI Approved :: "
 def parts() -> list[str]:
     """Return the names of what the image runs, in the spelling of an index."""
     lock = (ROOT / "requirements-image.lock").read_text(encoding="utf-8")
-    return sorted(_spelled(name) for name in re.findall(r"^([A-Za-z0-9._-]+)==", lock, flags=re.MULTILINE))
+    locked = {_spelled(name) for name in re.findall(r"^([A-Za-z0-9._-]+)==", lock, flags=re.MULTILINE)}
+    return sorted(locked - LEFT_OUT)
 
 
 def bill() -> dict[str, Any]:

@@ -7,8 +7,9 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import TYPE_CHECKING, TypeVar
 
 from api.runtime.arguments import at_end_of_input, parser_of, stopped_by_signals, whole
 from storage.loading import uncollected
@@ -20,8 +21,29 @@ if TYPE_CHECKING:
 
 
 _UNREACHABLE = "the database of SERVOTUNE_DATABASE_URL must be reachable"
+_Given = TypeVar("_Given")
 
 
+def _told_in_the_log(command: Callable[[_Given], int]) -> Callable[[_Given], int]:
+    """Let the sentence that a command ends with be a line of its log where that is JSON: a program reads it as it reads the others."""
+
+    @wraps(command)
+    def run(given: _Given) -> int:
+        try:
+            return command(given)
+        except SystemExit as end:
+            if not isinstance(end.code, str) or os.environ.get("SERVOTUNE_LOG_FORMAT") != "json":
+                raise
+            from api.telemetry import logs
+
+            logs.configure("INFO", form="json")
+            logging.getLogger(__name__).critical(end.code)
+            return 1
+
+    return run
+
+
+@_told_in_the_log
 def serve(argv: Sequence[str]) -> int:
     """Start the service, with one worker beside it.
 
@@ -77,6 +99,7 @@ def serve(argv: Sequence[str]) -> int:
             beside.stop()
 
 
+@_told_in_the_log
 def answer(told: str) -> int:
     """Be one process of a service that has several, as ``told`` by the one that started it.
 
@@ -91,6 +114,7 @@ def answer(told: str) -> int:
     return 0 if listeners.answer(read_settings(), told) else 1
 
 
+@_told_in_the_log
 def worker(argv: Sequence[str]) -> int:
     """Compute jobs from the service's database; start as many as there are machines or cores.
 

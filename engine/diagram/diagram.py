@@ -311,7 +311,13 @@ class Diagram:
                 realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
             assemble = assemble_by_rates if by_rates else Interconnection.assemble
             assembled = assemble(self._interconnection, realizations, wiring, admitted=admitted)
-        return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
+        zeros = np.zeros(count, dtype=bool)
+        for value in values:
+            if isinstance(value, np.ndarray):
+                zeros |= value.real == 0
+        return StackedSystem(
+            **assembled.matrices, valid=assembled.valid, zeros=zeros, inputs=wiring.inputs, outputs=wiring.outputs
+        )
 
     def admits(self, overrides: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.bool_]:
         """Return for a batch as in `realize_stack` which members have all their values, each within its bounds.

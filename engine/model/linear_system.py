@@ -176,7 +176,8 @@ ARRAYS = ("a", "b1", "b2", "c1", "c2", "d11", "d12", "d21", "d22", "delays", "x0
 class StackedSystem:
     """Many systems of one structure: every array of `LinearSystem` with a leading batch axis (B, ...).
 
-    ``valid`` (B,) is False for members that do not exist (ill-posed loop, value out of bounds): their matrices are 0.
+    ``valid`` (B,) is False for members that do not exist (ill-posed loop, value out of bounds): their matrices are 0. ``zeros``
+    (B,) is True where a number of the batch is exactly 0, so that a state may stand for none: unseen, it has a pole of its own.
     """
 
     a: Array
@@ -191,6 +192,7 @@ class StackedSystem:
     delays: Array
     x0: Array
     valid: npt.NDArray[np.bool_]
+    zeros: npt.NDArray[np.bool_]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 

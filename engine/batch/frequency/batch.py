@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch import stacks
 from engine.batch.frequency.balance import balance
 from engine.batch.frequency.bounds import LOOP_MASKS, PATH_MASKS, ratio
 from engine.batch.frequency.margins import LOOP_METRICS, PATH_METRICS
@@ -24,6 +25,7 @@ from engine.batch.screened import Screened
 
 if TYPE_CHECKING:
     from engine.analysis.measuring import MetricRequest
+    from engine.batch.stacks import Numbers
     from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
     from engine.model.linear_system import Array, StackedSystem
@@ -56,23 +58,24 @@ class FrequencyBatch:
     def __call__(self, overrides: Mapping[str, Array], spectra: Spectra | None = None) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; ``spectra`` are those of the stack there, where known."""
         spectra = Spectra(self._diagram.realize_stack(overrides)) if spectra is None else spectra
-        stack, here = spectra.stack, spectra.told
+        stack = spectra.stack
         complex_lanes = any(np.iscomplexobj(values) for values in overrides.values())
         found = Screened.unknown(len(stack.valid), len(self._requests), dtype=complex if complex_lanes else float)
         found.valid[:] = stack.valid
         groups = self._alike()
         worst, known = np.full((2, len(stack.valid)), -np.inf)
         if not groups:  # what others are asked for is a matter of the whole
-            worst = _growth(spectra, np.arange(spectra.flow.shape[1]))
+            worst = _growth(spectra, np.arange(len(stack.valid)), np.arange(spectra.flow.shape[1]))
         for ends, columns in groups.items():
-            path = self._path(ends, overrides, stack)
-            own = _growth(spectra, path.kept)
+            own = np.full(len(stack.valid), np.nan)
+            for members, path in self._paths(ends, overrides, stack):
+                own[members] = _growth(spectra, members, path.kept)
+                # Where nothing moves by itself there is no frequency to begin a scan at.
+                found.doubtful[np.ix_(members, np.array(columns))] = (stack.valid & ~np.isfinite(own))[members, None]
+                stable = members[np.isfinite(own[members]) & (own[members] < 0)]
+                for start in range(0, len(stable), _CHUNK):
+                    self._read(path, columns, stable[start : start + _CHUNK], own, found)
             worst, known = np.maximum(worst, own), np.fmax(known, own)
-            # Where nothing moves by itself there is no frequency to begin a scan at.
-            found.doubtful[:, columns] = (stack.valid & ~np.isfinite(own))[:, None]
-            stable = here[np.isfinite(own[here]) & (own[here] < 0)]
-            for start in range(0, len(stable), _CHUNK):
-                self._read(path, columns, stable[start : start + _CHUNK], own, found)
         # What is unstable is so whatever is not known of others.
         found.growth[:] = np.where(known >= 0, known, worst)
         return found
@@ -86,12 +89,14 @@ class FrequencyBatch:
                 groups.setdefault(ends, []).append(index)
         return groups
 
-    def _path(self, ends: _Ends, overrides: Mapping[str, Array], stack: StackedSystem) -> _Between:
-        """Return what lies between two ends, or around a loop that is opened."""
+    def _paths(
+        self, ends: _Ends, overrides: Mapping[str, Array], stack: StackedSystem
+    ) -> list[tuple[Numbers, _Between]]:
+        """Return what lies between two ends, or around a loop that is opened, of the members for whom the same acts on the same."""
         if len(ends) == 1:
             opened = self._diagram.realize_stack(overrides, open_at=ends[0])
-            return _Between.of(opened, "loop", "loop", sign=-1.0)
-        return _Between.of(stack, *ends, sign=1.0)
+            return _Between.each(opened, "loop", "loop", sign=-1.0)
+        return _Between.each(stack, *ends, sign=1.0)
 
     def _is_measured(self, request: MetricRequest) -> bool:
         if self._diagram.sampled:  # what stands for samplers here is continuous: margins and poles of another system
@@ -136,12 +141,19 @@ class _Between:
     kept: npt.NDArray[np.intp]
 
     @classmethod
-    def of(cls, stack: StackedSystem, source: str, target: str, *, sign: float) -> _Between:
+    def each(cls, stack: StackedSystem, source: str, target: str, *, sign: float) -> list[tuple[Numbers, _Between]]:
         i, o = stack.inputs.index(source), stack.outputs.index(target)
-        acts = np.block([[_any(stack.a), _any(stack.b2)], [_any(stack.c2), _any(stack.d22)]])
-        driven = np.concatenate([_any(stack.b1)[:, i], _any(stack.d21)[:, i]])
-        seen = np.concatenate([_any(stack.c1)[o], _any(stack.d12)[o]])
-        return cls(stack=stack, i=i, o=o, sign=sign, kept=between(acts, driven, seen))
+        acts = np.concatenate(
+            [np.concatenate([stack.a, stack.b2], axis=2), np.concatenate([stack.c2, stack.d22], axis=2)], axis=1
+        ) != 0  # fmt: skip
+        driven = np.concatenate([stack.b1[:, :, i], stack.d21[:, :, i]], axis=1) != 0
+        seen = np.concatenate([stack.c1[:, o], stack.d12[:, o]], axis=1) != 0
+        found = []
+        for members in stacks.alike(np.concatenate([acts.reshape(len(acts), -1), driven, seen], axis=1)):
+            one = members[0]
+            kept = between(acts[one], driven[one], seen[one])
+            found.append((members, cls(stack=stack, i=i, o=o, sign=sign, kept=kept)))
+        return found
 
     def balanced(self, here: Array) -> Path:
         """Return the path of the candidates ``here``."""
@@ -160,16 +172,11 @@ class _Between:
         )  # fmt: skip
 
 
-def _growth(spectra: Spectra, kept: npt.NDArray[np.intp]) -> Array:
-    """Return the growth of the part that consists of these states and delayed signals, (B,): NaN where it is not known."""
-    growth = np.full(len(spectra.stack.valid), np.nan)
+def _growth(spectra: Spectra, members: Numbers, kept: Numbers) -> Array:
+    """Return the growth of the part that consists of these states and delayed signals, (members,): NaN where it is not known."""
     if not kept.size:
-        growth[spectra.stack.valid] = -np.inf
-    elif kept[0] < spectra.stack.a.shape[1] and spectra.told.size:  # of delays alone the exact path knows
-        growth[spectra.told] = growth_of(spectra.roots(spectra.told, kept))
+        return np.where(spectra.stack.valid[members], -np.inf, np.nan)
+    growth, known = np.full(len(members), np.nan), np.isin(members, spectra.told)
+    if kept[0] < spectra.stack.a.shape[1] and known.any():  # of delays alone the exact path knows
+        growth[known] = growth_of(spectra.roots(members[known], kept))
     return growth
-
-
-def _any(matrices: Array) -> npt.NDArray[np.bool_]:
-    """Return which entries act in any member."""
-    return np.asarray((matrices != 0).any(axis=0))

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from engine.batch import stacks
 from engine.batch.frequency.scan import Path, Readings, Scan
 from engine.model.linear_system import Array
 
@@ -48,8 +49,8 @@ def solved(path: Path, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     right = np.concatenate([path.b[rows, :, :1], path.d[rows, 1:, :1]], axis=1)
     read = np.concatenate([path.c[rows, :1], path.d[rows, :1, 1:]], axis=2)
     direct = path.d[rows, 0, 0]
-    x = np.linalg.solve(f, right.real.astype(complex))
-    z = np.linalg.solve(f, np.concatenate([right.imag - tangent @ x, -slope @ x], axis=2))
+    x = stacks.solve(f, right.real.astype(complex))
+    z = stacks.solve(f, np.concatenate([right.imag - tangent @ x, -slope @ x], axis=2))
     real = read.real.astype(complex)
     value = (real @ x)[:, 0, 0] + direct.real
     moved = (real @ z[:, :, :1] + read.imag @ x)[:, 0, 0] + direct.imag
@@ -117,10 +118,7 @@ def bandwidth(path: Path, scan: Scan) -> Readings:
     batch = path.batch
     everyone = np.arange(batch)
     with np.errstate(divide="ignore", invalid="ignore"):
-        try:
-            static, moved_static, _ = solved(path, everyone, np.zeros(batch))
-        except np.linalg.LinAlgError:
-            return Readings(value=np.full(batch, np.nan, dtype=complex), doubtful=np.ones(batch, dtype=bool))
+        static, moved_static, _ = solved(path, everyone, np.zeros(batch))
     level = np.abs(static.real) * 10**-0.15
     rows, omega, doubtful = scan.crossings(lambda g, systems: np.abs(g) - level[systems, None], first_fall=True)
     value = np.full(batch, np.inf, dtype=complex)
@@ -129,6 +127,7 @@ def bandwidth(path: Path, scan: Scan) -> Readings:
     )
     g, moved, slope = solved(path, rows, omega)
     size = np.abs(g)
+    doubtful = _unknown(doubtful | np.isnan(static.real), rows, size)
     fall = (np.conj(g) * slope).real / size
     level_moved = np.sign(static.real) * moved_static.real * 10**-0.15
     shift = (level_moved[rows] - (np.conj(g) * moved).real / size) / fall
@@ -143,7 +142,14 @@ def _nearest(doubtful: Array, rows: Array, value: Array, order: Array) -> Readin
     result = np.full(len(doubtful), np.inf, dtype=complex)
     for index in np.argsort(-order, kind="stable"):
         result[rows[index]] = value[index]
-    return Readings(value=result, doubtful=doubtful)
+    return Readings(value=result, doubtful=_unknown(doubtful, rows, value.real))
+
+
+def _unknown(doubtful: Array, rows: Array, found: Array) -> Array:
+    """Return who is doubtful (B,), with those of ``rows`` that lie exactly at a pole, where nothing is ``found``."""
+    more = np.zeros_like(doubtful)
+    more[rows[np.isnan(found)]] = True
+    return np.asarray(doubtful | more)
 
 
 def balanced_peak(path: Path, scan: Scan) -> Readings:
@@ -166,7 +172,7 @@ def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
     value, moved, _ = solved(path, resting, scan.frequencies[resting, 0])
     direct = path.at_the_end + 0j
     passing = everyone[(direct.real < -SMALLEST_LOOP_GAIN) & (path.delays.shape[1] == 0)]
-    doubtful = doubtful | np.isnan(direct.real)
+    doubtful = _unknown(doubtful | np.isnan(direct.real), rows, real.real)
     gains = np.concatenate([real[counts], _dual(value.real, moved.real), direct[passing]])
     return np.concatenate([rows[counts], resting, passing]), -1 / gains, doubtful
 

@@ -300,8 +300,9 @@ class Scan:
 
 def _eigenvectors(a: Array) -> tuple[Array, Array, Array]:
     """Return eigenvalues (B, n), eigenvectors (B, n, n), and whose eigenvectors are independent (B,)."""
-    poles, vectors = np.linalg.eig(a)
+    # complex whether or not some pole of somebody is
+    poles, vectors = (found.astype(complex) for found in np.linalg.eig(a))
     if not a.shape[1]:
-        return poles.astype(complex), vectors.astype(complex), np.ones(len(a), dtype=bool)
+        return poles, vectors, np.ones(len(a), dtype=bool)
     singular = np.linalg.svd(vectors, compute_uv=False)
-    return poles.astype(complex), vectors.astype(complex), singular[:, -1] * _WELL_CONDITIONED > singular[:, 0]
+    return poles, vectors, singular[:, -1] * _WELL_CONDITIONED > singular[:, 0]

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.batch.kernels.compiled import LANES, allocating, compiled, multiply_pairs
-from engine.batch.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
+from engine.batch.kernels.events import MOST, READINGS, locate
 from engine.batch.kernels.polishing import ALL, BRACKET, EVENTS, SLOT
 from engine.batch.kernels.powers import LEVELS, RESOLVED, STIFF, raise_powers
 from engine.batch.kernels.sampling import follow, passes
-from engine.batch.kernels.scan_state import COLUMNS, FIELDS, ROWS, begin
+from engine.batch.kernels.scan_state import COLUMNS, FIELDS, PACES, ROWS, begin
 from engine.batch.kernels.spectrum import MARKS, spectrum
 from engine.batch.kernels.spectrum_program import CHUNK, DOUBT, SpectrumProgram
 from engine.batch.kernels.spectrum_program import READINGS as SPECTRAL_READINGS
@@ -21,6 +21,7 @@ from engine.batch.kernels.tape import Tape, run
 from engine.batch.kernels.time_program import TimeProgram
 from engine.batch.kernels.turning import RUN
 from engine.batch.kernels.vector import clear, copy, load, load2, magnitude, room, select, spread, store, store2, zeros
+from engine.batch.kernels.walking import NUMBERS, ROLES, TAYLOR
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]
@@ -109,6 +110,7 @@ class TimeRoom(NamedTuple):
     watched: Real
     moving: Real
     run_of: Real
+    pace: Real
     columns: Real
     samples: Real
     taylors: Real
@@ -146,7 +148,7 @@ def _time_room(program: TimeProgram) -> TimeRoom:
     nn, rows, experiments, traces = program.padded, program.rows, program.experiments, program.traces.shape[0]
     return TimeRoom(
         room((LEVELS, nn, nn, LANES)), room((LEVELS, LANES)), room((nn, experiments, LANES)), room((6, nn, nn, LANES)),
-        room((2, nn, experiments, LANES)), room((2, ROWS * rows, nn, LANES)), room((1, nn, 1, LANES)), room((RUN, LANES)),
+        room((2, nn, experiments, LANES)), room((2, ROWS * rows, nn, LANES)), room((2, nn, 1, LANES)), room((RUN, LANES)), room((PACES, LANES)),
         zeros((nn, COLUMNS, LANES)), room((ROWS * rows, COLUMNS, LANES)), room((rows // 2, TAYLOR, nn, LANES)),
         room((traces, FIELDS, LANES)), room((traces, FIELDS, LANES)), room((nn, LANES)), room((2, 1, LANES)),
         room((traces, LANES)), np.empty((2, ROLES, MOST * traces), np.int64), room((2, NUMBERS, MOST * traces, LANES)),
@@ -270,12 +272,12 @@ def evaluate(
         if program.traces.shape[0] == 0:
             continue
         expand(program, a, c, step, own.work[0], own.taylors)
-        last = passes(own.norms, levels, alive, rate)
+        passes(own.norms, levels, alive, rate, own.pace)
         for e in range(experiments):
             _begin(program, e, c, d, own)
             follow(
-                program, e, own.powers, c, own.start, own.final, step, last, extra, own.states, own.saved, own.watched,
-                own.columns, own.samples, own.moving, own.run_of,
+                program, e, own.powers, c, own.start, own.final, step, extra, own.states, own.saved, own.watched,
+                own.columns, own.samples, own.moving, own.run_of, own.pace,
             )  # fmt: skip
             locate(
                 program, e, own.states, own.powers, own.start, c, own.taylors, own.final, step, own.reading, own.roles,

@@ -1,8 +1,7 @@
 """The events of step responses: from the interval in which a scan saw them to their instants.
 
-Powers of the exponential for 1, 2, 4 ... steps walk all events of eight candidates together down the binary digits of time:
-first to the interval, then within it for as long as the event lies ahead. In the last step Newton's method on the Taylor
-polynomial of the output finishes. A reading that the scan could not vouch for is marked doubtful.
+A reading that the scan could not vouch for is marked doubtful, and so is one of an event where the response swings faster than the
+samples that showed it: others may lie between them.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.kernels.compiled import LANES, compiled, multiply
+from engine.batch.kernels.compiled import LANES, compiled
 from engine.batch.kernels.scan_state import (
     BIG,
     DOWN,
@@ -43,7 +42,26 @@ from engine.batch.kernels.scan_state import (
     WHEN,
 )
 from engine.batch.kernels.time_program import TimeProgram
-from engine.batch.kernels.vector import anywhere, load, load2, magnitude, select, spread, store, store2
+from engine.batch.kernels.vector import anywhere, lanes_of, load, load2, magnitude, select, spread, store, store2
+from engine.batch.kernels.walking import (
+    BY_SLOPE,
+    FIELD,
+    LEVEL,
+    NOTHING,
+    NUMBERS,
+    OFFSET,
+    OUTPUT,
+    READING,
+    SHARP,
+    SIGN,
+    TARGET,
+    TAU,
+    TRACE,
+    UNITS,
+    VALUE,
+    WIDTH,
+    walk,
+)
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -53,162 +71,19 @@ READINGS: Final = 11
 """What is read off one response; times in s; the top is the furthest in the direction of the final value. DOUBT is the sum
 of the kinds of `engine.batch.kernels.scan_state` that are not vouched for."""
 
-TAYLOR: Final = 14
-"""Terms of the last step's Taylor polynomial: ‖(A h)^14‖ / 14! is 1e-10 at most, where ‖A h‖ is 2.56 and ‖(A h)^8‖ 0.64^8."""
+_KIND: Final = (0, RISE, RISE, SETTLE_2, SETTLE_5, HIGHEST, HIGHEST, LOWEST, LOWEST, 0, 0)
+"""Of which kind a reading is."""
+_WIDEST: Final = 10
+"""Samples 2^10 steps apart and further count as that: what higher derivatives over so many steps are is rounding."""
 MOST: Final = 12
 """At most so many events of one response are polished, two of them twice."""
+_NEAR: Final = 1e-2
+"""Turning points that are so near to each other in height are all polished before the highest is chosen: each tells whether others hide there."""
 _RIVAL: Final = 1e-6
-"""Turning points that are so near to each other in height are all polished before the highest is chosen."""
+"""One that is so near to them and was not kept is in the way."""
 _NOISE: Final = 1e-12
-_NEWTON: Final = 12
-_STILL: Final = 1e-8
-"""Newton's method has arrived where it moves by less than this part of a step: the next move is its square."""
-
-OFFSET, LEVEL, SIGN, TARGET, UNITS, TAU, VALUE, HIGH, AT = range(9)
-"""Numbers of an event: the steps to its interval, the interval's level, -1 or 1, the deviation or slope it waits for; and the
-result: whole steps, the part of a step from there, the deviation there. On the way that part lies between TAU and HIGH, at AT."""
-NUMBERS: Final = 9
-OUTPUT, BY_SLOPE, TRACE, FIELD, READING = range(5)
-"""What an event is, the same for all lanes: it watches an output or its slope, for a field of a trace and a reading. An
-event on the way to another one has that one's number for a field, and no reading."""
-ROLES: Final = 5
-NOTHING: Final = -1
-
-
-@compiled
-def walk(
-    powers: Real, nn: int, taylors: Real, rows: Real, roles: Whole, events: int, numbers: Real, e: Real, trial: Real,
-    polynomials: Real,
-) -> None:  # fmt: skip
-    """Go from states to events, several events of every lane at once: first over whole steps, then to the change of sign.
-
-    An event is the zero of sign * (output - target), negative before it; or of the output's slope instead. An event in the
-    first step lies after the part of it that is given. ``events`` is a multiple of 4.
-
-    Parameters
-    ----------
-    powers, taylors, rows
-        Of the exponential (levels, nn, nn, LANES); C (A h)^k of the outputs C (outputs, TAYLOR, nn, LANES); rows of every
-        output and of its slope (2 outputs, nn, LANES).
-    roles : ndarray, shape (ROLES, events)
-    numbers : ndarray, shape (NUMBERS, events, LANES)
-    e : ndarray, shape (nn, events, LANES)
-        The states; on return those at so many whole steps.
-    trial, polynomials
-        Room of the shapes of ``e`` and (events, TAYLOR, LANES).
-    """
-    _over_whole_steps(powers, nn, rows, roles, events, numbers, e, trial)
-    for q in range(events):
-        taylor, terms, factor = taylors[roles[OUTPUT, q]], polynomials[q], 1.0
-        for k in range(TAYLOR):
-            coefficient = spread(0.0)
-            for i in range(nn):
-                coefficient = coefficient + load2(taylor, k, i) * load2(e, i, q)
-            store(terms, coefficient * factor, k)
-            factor /= k + 1.0
-        store2(numbers, 1.0, HIGH, q)
-        store2(numbers, _between(terms, roles[BY_SLOPE, q], load2(numbers, TARGET, q), load2(numbers, TAU, q)), AT, q)
-    # round by round, not event by event: events do not wait for each other
-    for _ in range(_NEWTON):
-        moves = False
-        for q in range(events):
-            moves = _improved(roles[BY_SLOPE, q], q, numbers, polynomials[q]) or moves
-        if not moves:
-            break
-    for q in range(events):
-        terms, t, v = polynomials[q], load2(numbers, AT, q), spread(0.0)
-        for k in range(TAYLOR - 1, -1, -1):
-            v = v * t + load(terms, k)
-        store2(numbers, t, TAU, q)
-        store2(numbers, v, VALUE, q)
-
-
-@compiled
-def _over_whole_steps(
-    powers: Real, nn: int, rows: Real, roles: Whole, events: int, numbers: Real, e: Real, trial: Real
-) -> None:  # fmt: skip
-    """Go over as many whole steps as lie before the events, by powers of 2 of them."""
-    furthest, widest = spread(0.0), spread(0.0)
-    for q in range(events):
-        offset, level = load2(numbers, OFFSET, q), load2(numbers, LEVEL, q)
-        furthest = select(offset > furthest, offset, furthest)
-        widest = select(level > widest, level, widest)
-        store2(numbers, 0.0, UNITS, q)
-    top = 0
-    while anywhere(furthest >= 2.0 ** (top + 1)):
-        top += 1
-    while anywhere(widest > float(top + 1)):
-        top += 1
-    for k in range(top, -1, -1):
-        width = float(1 << k)
-        for first in range(0, events, 4):
-            # early events have nothing to do with the long steps
-            due = False
-            for q in range(first, first + 4):
-                level = load2(numbers, LEVEL, q)
-                due = due or anywhere((level > float(k)) | (load2(numbers, OFFSET, q) >= width))
-            if not due:
-                continue
-            multiply(trial[0, first:], powers[k], e[0, first:], nn, 4, nn, nn, events, events)
-            for q in range(first, first + 4):
-                left, level = load2(numbers, OFFSET, q), load2(numbers, LEVEL, q)
-                searching = level > float(k)
-                far = (level <= float(k)) & (left >= width)
-                go = far
-                if anywhere(searching):
-                    row = 2 * roles[OUTPUT, q] + roles[BY_SLOPE, q]
-                    reached = spread(0.0)
-                    for i in range(nn):
-                        reached = reached + load2(rows, row, i) * load2(trial, i, q)
-                    ahead = load2(numbers, SIGN, q) * (reached - load2(numbers, TARGET, q)) < 0.0
-                    go = far | (searching & ahead)
-                if anywhere(go):
-                    units = load2(numbers, UNITS, q)
-                    store2(numbers, select(far, left - width, left), OFFSET, q)
-                    store2(numbers, select(go, units + width, units), UNITS, q)
-                    store2(numbers, select(go, 0.0, load2(numbers, TAU, q)), TAU, q)
-                    for i in range(nn):
-                        store2(e, select(go, load2(trial, i, q), load2(e, i, q)), i, q)
-
-
-@compiled
-def _improved(by_slope: int, q: int, numbers: Real, terms: Real) -> bool:
-    """Take one step of Newton's method, kept in its bracket, to event ``q``; whether anybody still moves."""
-    t, v, d, bend = load2(numbers, AT, q), spread(0.0), spread(0.0), spread(0.0)
-    if by_slope:
-        for k in range(TAYLOR - 1, -1, -1):
-            bend = bend * t + d
-            d = d * t + v
-            v = v * t + load(terms, k)
-        v, d = d, 2.0 * bend
-    else:
-        for k in range(TAYLOR - 1, -1, -1):
-            d = d * t + v
-            v = v * t + load(terms, k)
-    g, low, high = v - load2(numbers, TARGET, q), load2(numbers, TAU, q), load2(numbers, HIGH, q)
-    before = load2(numbers, SIGN, q) * g < 0.0
-    low, high = select(before, t, low), select(before, high, t)
-    new = t - g / d
-    new = select((new >= low) & (new <= high), new, 0.5 * (low + high))
-    store2(numbers, low, TAU, q)
-    store2(numbers, high, HIGH, q)
-    store2(numbers, new, AT, q)
-    return bool(anywhere(magnitude(new - t) > _STILL))
-
-
-@compiled
-def _between(terms: Real, by_slope: int, goal: Any, low: Any) -> Any:
-    """Return where in a step an event lies if what it waits for, known at both ends, goes straight from one to the other."""
-    begin, end = load(terms, 0) - goal, -goal
-    if by_slope:
-        begin, end = load(terms, 1) - goal, -goal
-        for k in range(1, TAYLOR):
-            end = end + load(terms, k) * float(k)
-    else:
-        for k in range(TAYLOR):
-            end = end + load(terms, k)
-    straight = begin / (begin - end)
-    return select((straight > low) & (straight < 1.0), straight, 0.5 * (low + 1.0))
+_AGREED: Final = 1e-9
+"""What is read of a turning point and what was seen of it may differ by so much of the largest value, beside the error of what was seen."""
 
 
 @compiled
@@ -219,6 +94,8 @@ def _begin(
     roles[OUTPUT, q], roles[BY_SLOPE, q], roles[TRACE, q], roles[FIELD, q] = output, by_slope, trace, field
     roles[READING, q] = reading
     level = load(state, field + 1)
+    for lane in range(LANES):
+        numbers[WIDTH, q, lane] = float(1 << min(max(int(state[field + 1, lane]), 0), _WIDEST))
     store2(numbers, load(state, field), OFFSET, q)
     store2(numbers, select(level > 0.0, level, 0.0), LEVEL, q)
     store2(numbers, 0.0, TARGET, q)
@@ -227,10 +104,17 @@ def _begin(
 
 
 @compiled
-def _least(state: Real, first: int) -> Any:
-    """Return how far the furthest turning point reaches at least."""
+def _least(state: Real, first: int, share: float) -> Any:
+    """Return how far the furthest turning point reaches at least, less a share of it."""
     height = load(state, first)
-    return height - _RIVAL * magnitude(height) - SURE * load(state, first + 3)
+    return height - share * magnitude(height) - SURE * load(state, first + 3)
+
+
+@compiled
+def _rivals(state: Real, first: int, entry: int) -> Any:
+    """Return who has in an entry of a list a turning point that may be the furthest, or is so near to that as to tell what else is there."""
+    reaches = load(state, entry) + SURE * load(state, entry + 3) >= _least(state, first, _NEAR)
+    return reaches & (load(state, entry + 2) >= 0.0)
 
 
 @compiled
@@ -256,11 +140,9 @@ def _gather(program: TimeProgram, experiment: int, states: Real, final: Real, ro
                 store2(numbers, -(side * (part * size)), TARGET, count - 1)
         for bit, f, to in ((HIGHEST, TOP, TOP_VALUE), (LOWEST, LOW, BOTTOM_VALUE)):
             if wants & bit:
-                least = _least(state, f)
                 for rank in range(RANKS):
                     entry = f + ENTRY * rank
-                    reaches = load(state, entry) + SURE * load(state, entry + 3) >= least
-                    if anywhere(reaches & (load(state, entry + 2) >= 0.0)):
+                    if anywhere(_rivals(state, f, entry)):
                         count = _begin(roles, numbers, state, count, o, 1, t, entry + 1, to)
                         store2(numbers, -way if bit == HIGHEST else way, SIGN, count - 1)
     main = count
@@ -334,6 +216,7 @@ def locate(
     for q in range(count):
         to, state, reading = role[READING, q], states[role[TRACE, q]], readings[role[TRACE, q]]
         depth, time = load(state, role[FIELD, q] + 1), (load2(number, UNITS, q) + load2(number, TAU, q)) * h
+        sharp = (depth >= 0.0) & (load2(number, SHARP, q) > _AGREED * load(reading, SIZE))
         if to in (T_10, T_90):
             store(reading, select(depth == EDGE, 0.0, select(depth == NONE, math.nan, time)), to)
         elif to in (T_2, T_5):
@@ -342,10 +225,25 @@ def locate(
             goal, known = load(final, role[TRACE, q]), load(reading, to)
             way = select(goal >= 0.0, 1.0, -1.0) * (1.0 if to == TOP_VALUE else -1.0)
             height = way * (load2(number, VALUE, q) + goal)
+            entry = role[FIELD, q] - 1
+            rivals = _rivals(state, TOP if to == TOP_VALUE else LOW, entry)
+            # a turning point that is not where it was seen is another one: there are several between two samples
+            apart = magnitude(way * load2(number, VALUE, q) - load(state, entry))
+            sharp = rivals & (sharp | (apart > SURE * load(state, entry + 3) + _AGREED * load(reading, SIZE)))
             # where a response leaves its highest value slowly, the first samples equal it to rounding
-            higher = (depth >= 0.0) & (height > way * known + _NOISE * magnitude(known))
+            higher = rivals & (height > way * known + _NOISE * magnitude(known))
             store(reading, select(higher, way * height, known), to)
             store(reading, select(higher, time, load(reading, to + 1)), to + 1)
+        if to != NOTHING and anywhere(sharp):
+            _suspect(reading, lanes_of(sharp), _KIND[to])
+
+
+@compiled
+def _suspect(reading: Real, lanes: int, bit: int) -> None:
+    """Mark a kind of reading as doubtful in some lanes."""
+    for lane in range(LANES):
+        if (lanes >> lane) & 1 and not int(reading[DOUBT, lane]) & bit:
+            reading[DOUBT, lane] += float(bit)
 
 
 @compiled
@@ -367,7 +265,7 @@ def _return(
         aim = roles[0, FIELD, q]
         roles[1, OUTPUT, p], roles[1, BY_SLOPE, p] = roles[0, OUTPUT, q], 0
         store2(numbers[1], 0.0, OFFSET, p)
-        for k in (LEVEL, TAU):
+        for k in (LEVEL, TAU, WIDTH):
             store2(numbers[1], load2(numbers[0], k, q), k, p)
         for k in (SIGN, TARGET):
             store2(numbers[1], load2(numbers[0], k, aim), k, p)
@@ -377,7 +275,8 @@ def _return(
         poking = load(states[roles[0, TRACE, aim]], roles[0, FIELD, aim] + POKE2 - N2) > 0.0
         units = load2(numbers[0], UNITS, q) + load2(numbers[1], UNITS, q - first)
         store2(numbers[0], select(poking, units, load2(numbers[0], UNITS, aim)), UNITS, aim)
-        store2(numbers[0], select(poking, load2(numbers[1], TAU, q - first), load2(numbers[0], TAU, aim)), TAU, aim)
+        for k in (TAU, SHARP):
+            store2(numbers[0], select(poking, load2(numbers[1], k, q - first), load2(numbers[0], k, aim)), k, aim)
 
 
 @compiled
@@ -406,6 +305,6 @@ def _conclude(state: Real, reading: Real, final: Real, wants: int) -> None:
             height = load(state, f)
             # what is hidden may be higher than what was found, or be all that lies beyond the final value
             least = select(height > 0.0, 1.001 * height, (1e-9 if wants & WHEN else SLIGHT) * size)
-            suspect = (load(state, f + ENTRY * RANKS) > _least(state, f)) | (load(state, unseen) > least)
+            suspect = (load(state, f + ENTRY * RANKS) > _least(state, f, _RIVAL)) | (load(state, unseen) > least)
             doubt = doubt + select(suspect, float(bit), 0.0)
     store(reading, doubt, DOUBT)

@@ -48,6 +48,8 @@ followed to where it turns."""
 EVENTS: Final = 12
 ALL: Final = 127.0
 _TURNS: Final = 9
+_ARRIVED: Final = 0.5
+"""What stands in MOVING of a lane that has taken its last step, where the curve is still to be evaluated; 1 while it moves, 0 at the end."""
 _AGREED: Final = 1e-6
 """Relative step after which the next point is final: it is off by about the square of it."""
 _AGREED_PEAK: Final = 1e-5
@@ -226,9 +228,10 @@ def _advance(
         place, mine = program.points.targets[c], curve == float(c)
         x, y = select(mine, load2(re, place, column), x), select(mine, load2(im, place, column), y)
         dx, dy = select(mine, load2(dre, place, column), dx), select(mine, load2(dim, place, column), dy)
-    if turn == _TURNS or not anywhere(moving > 0.0):
-        store(state, x, X)
-        store(state, y, Y)
+    goes, arrived = moving == 1.0, moving == _ARRIVED
+    if turn == _TURNS or not anywhere(goes):
+        _take_down(state, goes | arrived, x, y)
+        store(state, select(goes, 1.0, 0.0), MOVING)
         store(state, 0.0, OPEN)
         return
     peak = (kind >= float(PEAK_S)) & (kind <= float(TURN_LEVEL))
@@ -246,20 +249,20 @@ def _advance(
     to = here - f / slope
     inside = (to >= low) & (to <= high)
     to = select(inside, to, 0.5 * (low + high))
-    arrives = inside & (magnitude(to - here) <= select(peak, _AGREED_PEAK, _AGREED) * here)
+    arrives = goes & inside & (magnitude(to - here) <= select(peak, _AGREED_PEAK, _AGREED) * here)
     changes = (to - here) * (to - here) * magnitude(steep)
     arrives = arrives & (select(peak, changes, 0.0) <= _SHARP * value)
     # after so short a last step nothing need be evaluated again
-    ahead, square, distance = select(moving > 0.0, to - here, 0.0), x * x + y * y, (1.0 + x) * (1.0 + x) + y * y
+    ahead, square, distance = select(goes, to - here, 0.0), x * x + y * y, (1.0 + x) * (1.0 + x) + y * y
     size = select((kind >= float(PEAK_S)) & (kind <= float(PEAK_T)) & (distance < square), distance, square)
     straight = arrives & ((dx * dx + dy * dy) * (ahead * ahead) <= _STRAIGHT * size)
     straight = straight & (select(peak, changes, 0.0) <= _BELOW * value)
-    still = select(arrives, 0.0, moving)
+    done = straight | arrived
+    _take_down(state, done, x + dx * ahead, y + dy * ahead)
     store(state, here + ahead, HERE)
-    store(state, still, MOVING)
-    if not anywhere(select(straight, 0.0, moving) > 0.0):
-        store(state, x + dx * ahead, X)
-        store(state, y + dy * ahead, Y)
+    moving = select(done, 0.0, select(arrives, _ARRIVED, moving))
+    store(state, moving, MOVING)
+    if not anywhere(moving > 0.0):
         store(state, 0.0, OPEN)
         return
     store(state, steep, STEEP)
@@ -267,6 +270,13 @@ def _advance(
     store(state, high, HIGH)
     store(state, here, LAST)
     store(state, f, F_LAST)
+
+
+@compiled
+def _take_down(state: Real, who: Any, x: Any, y: Any) -> None:
+    """Take down the curve at the end, of those who are there: the others, who go on, change nothing in it."""
+    store(state, select(who, x, load(state, X)), X)
+    store(state, select(who, y, load(state, Y)), Y)
 
 
 @compiled

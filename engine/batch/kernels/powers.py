@@ -186,12 +186,13 @@ def raise_powers(
             _decide(here, n, experiments, rest, norm, step, growth, level)
             wide = load(norm, 0)
         store(norms, wide, level)
-        busy = anywhere(wide > _REST)
-        if not busy or level + 1 == LEVELS:
+        busy = wide > _REST
+        if not anywhere(busy) or level + 1 == LEVELS:
             break
         apply(moved, here, rest, nn, experiments, nn, nn, experiments, experiments)
         for k in range(entries):
-            store(rest, load(rest, k) + load(moved, k), k)
+            # who rests already keeps what is known, however long others move
+            store(rest, select(busy, load(rest, k) + load(moved, k), load(rest, k)), k)
         multiply(powers[level + 1], here, here, nn, nn, nn, nn, nn, nn)
         level += 1
     return level + 1

@@ -7,17 +7,21 @@ Where a scan of the samples leaves something open, that octave is sampled again 
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.batch.kernels.compiled import LANES, apply, apply_two, compiled, multiply
-from engine.batch.kernels.scan_state import (  # fmt: skip
+from engine.batch.kernels.scan_state import (
+    APART,
     COLUMNS,
+    DOUBLED,
+    DUE,
     ERROR,
     FIELDS,
     HIGHEST,
+    LAST,
     LOW,
     LOWEST,
     N2,
@@ -30,7 +34,7 @@ from engine.batch.kernels.scan_state import (  # fmt: skip
 )
 from engine.batch.kernels.scanning import scan
 from engine.batch.kernels.time_program import TimeProgram
-from engine.batch.kernels.vector import copy, load, store2
+from engine.batch.kernels.vector import copy, lanes_of, load, load2, select, store, store2
 
 Real = npt.NDArray[np.float64]
 
@@ -41,17 +45,16 @@ FINEST: Final = 9
 
 
 @compiled
-def passes(norms: Real, levels: int, alive: Real, growth: Real) -> int:
-    """Return how many passes of 16 samples follow every candidate of the block until it rests."""
-    last = 0
+def passes(norms: Real, levels: int, alive: Real, growth: Real, pace: Real) -> None:
+    """Say in how many passes of 16 samples each candidate is followed until it rests: in none who does not exist or is not stable."""
     for lane in range(LANES):
+        pace[LAST, lane] = 0.0
         if alive[lane] > 0.0 and growth[lane] < 0.0:
             level = 0
             while level + 1 < levels and norms[level, lane] > SETTLED:
                 level += 1
-            last = max(last, level)
-    # the pass number k ends after 16 * 2^k steps
-    return min(max(last - 5, 0), max(levels - 4, 0)) + 2
+            # the pass number k ends after 16 * 2^k steps
+            pace[LAST, lane] = max(level - 5, 0) + 2
 
 
 @compiled
@@ -73,6 +76,15 @@ def _keep(program: TimeProgram, experiment: int, to: Real, states: Real) -> None
 
 
 @compiled
+def _decide(program: TimeProgram, experiment: int, decided: Any, to: Real, states: Real) -> None:
+    """Copy all that the scans of the responses to one command have found, of who is decided; the others' stays."""
+    for t in range(program.traces.shape[0]):
+        if program.traces[t, 1] == experiment:
+            for field in range(FIELDS):
+                store2(to, select(decided, load2(states, t, field), load2(to, t, field)), t, field)
+
+
+@compiled
 def _watch(watched: Real, rows: Real, powers: Real, level: int, count: int, nn: int) -> None:
     """Fill ``watched`` with the rows C P^j, j = 1 ... 4, where P leads over 2^level steps."""
     multiply(watched, rows, powers[level], count, nn, nn, nn, nn, nn)
@@ -81,11 +93,54 @@ def _watch(watched: Real, rows: Real, powers: Real, level: int, count: int, nn: 
 
 
 @compiled
+def _octave(
+    program: TimeProgram, experiment: int, powers: Real, final: Real, step: Real, deep: int, doubled: int, first: int,
+    least: bool, due: int, states: Real, seen: Real, columns: Real, samples: Real, run: Real, pace: Real,
+) -> int:  # fmt: skip
+    """Sample and scan one octave of time, whose beginning is in ``columns``, at intervals of 2^deep steps; return who is left unsure.
+
+    When everyone is whose turn it is, ``due``, the rest is left out, unless ``least``, which says that there is nothing finer.
+    """
+    nn, count, unsure = program.padded, program.rows, 0
+    for part in range(1 << doubled):
+        # the state, and how it is after four, eight and twelve samples
+        if part:
+            apply(columns[0], powers[deep + 2], columns[0, 3:], nn, 1, nn, nn, COLUMNS, COLUMNS)
+        apply(columns[0, 1:], powers[deep + 2], columns[0], nn, 1, nn, nn, COLUMNS, COLUMNS)
+        apply_two(columns[0, 2:], powers[deep + 3], columns[0], nn, 2, nn, nn, COLUMNS, COLUMNS)
+        multiply(samples, seen, columns, ROWS * count, COLUMNS, nn, nn, COLUMNS, COLUMNS)
+        begin_at = float((first << doubled) + PER_PASS * part)
+        for t in range(program.traces.shape[0]):
+            if program.traces[t, 1] == experiment:
+                unsure |= scan(
+                    states[t], run, samples, 2 * program.traces[t, 0], count, final[t], step, deep, pace, part == 0, begin_at,
+                    program.traces[t, 2], least,
+                )  # fmt: skip
+                if unsure == due and not least:
+                    return unsure
+    return 0 if least else unsure
+
+
+@compiled
+def _turn_over(pace: Real, unsure: int, doubled: int, deep: int) -> None:
+    """After an octave, leave it the turn of those who are sure, and note at which intervals; the others need them finer."""
+    for lane in range(LANES):
+        if pace[DUE, lane] > 0.0:
+            if (unsure >> lane) & 1:
+                pace[DUE, lane], pace[DOUBLED, lane] = 0.0, float(doubled + 1)
+            else:
+                pace[APART, lane] = float(1 << deep)
+
+
+@compiled
 def follow(
-    program: TimeProgram, experiment: int, powers: Real, rows: Real, start: Real, final: Real, step: Real, last: int,
-    extra: int, states: Real, saved: Real, watched: Real, columns: Real, samples: Real, moving: Real, run: Real,
+    program: TimeProgram, experiment: int, powers: Real, rows: Real, start: Real, final: Real, step: Real, extra: int,
+    states: Real, saved: Real, watched: Real, columns: Real, samples: Real, moving: Real, run: Real, pace: Real,
 ) -> None:  # fmt: skip
-    """Sample the responses to one command in ``last`` passes, and scan them; with 2^extra times as many samples at least.
+    """Sample the responses to one command, and scan them; with 2^extra times as many samples at least.
+
+    Every octave of time is gone through as often as some lane needs it finer, and each lane keeps what it found when it was
+    sure: what is found of a candidate is the same whoever lies beside it.
 
     Parameters
     ----------
@@ -101,55 +156,65 @@ def follow(
         Of the scans.
     saved, watched, columns, samples, moving, run
         Room: as ``states``; (2, ROWS * rows, nn, LANES); (nn, COLUMNS, LANES); (ROWS * rows, COLUMNS, LANES);
-        (1, nn, 1, LANES); (RUN, LANES).
+        (2, nn, 1, LANES); (RUN, LANES).
+    pace : ndarray, shape (PACES, LANES)
+        Whose LAST says in how many passes each lane is followed.
     """
-    nn, count, traces = program.padded, program.rows, program.traces.shape[0]
-    origin = moving[0]
+    nn, count = program.padded, program.rows
+    origin, ahead = moving[0], moving[1]
     copy(origin, 0, start, 0, nn)
     main, fine = watched[0], watched[1]
     _watch(main, rows, powers, 0, count, nn)
-    doubled, before = 0, 0
-    for number in range(last):
+    passes, everyone = 0, lanes_of(load(pace, LAST) > 0.0)
+    for lane in range(LANES):
+        passes = max(passes, int(pace[LAST, lane]))
+    store(pace, 0.0, DOUBLED)
+    store(pace, 1.0, APART)
+    for number in range(passes):
         level = max(0, number - 1)
         first = 0 if number == 0 else PER_PASS
         if level > 0:
             copy(main, 0, main, count * nn, count * nn)
             copy(main, count * nn, main, 3 * count * nn, count * nn)
             multiply(main[2 * count :], main, powers[level + 1], 2 * count, nn, nn, nn, nn, nn)
-        # where the octave before needed finer samples, this one may, too
-        doubled = min(max(doubled - 1, extra), level)
-        if level > 0:
             _keep(program, experiment, saved, states)
-        while True:
+        for lane in range(LANES):
+            # where the octave before needed finer samples, this one may, too
+            pace[DOUBLED, lane] = float(min(max(int(pace[DOUBLED, lane]) - 1, extra), level))
+        left, again, in_turn = lanes_of(load(pace, LAST) > float(number)), False, False
+        for doubled in range(level + 1):
             deep = level - doubled
             least = deep == 0 or doubled == FINEST
+            due = left & lanes_of(load(pace, DOUBLED) == float(doubled))
+            if not due:
+                continue
+            for lane in range(LANES):
+                pace[DUE, lane] = float((due >> lane) & 1)
+            if again:
+                _keep(program, experiment, states, saved)
+            again = True
             seen = main
             if doubled:
                 seen = fine
                 _watch(fine, rows, powers, deep, count, nn)
             for i in range(nn):
                 store2(columns, load(origin, i), i, 0)
-            unsure = False
-            for part in range(1 << doubled):
-                # the state, and how it is after four, eight and twelve samples
-                if part:
-                    apply(columns[0], powers[deep + 2], columns[0, 3:], nn, 1, nn, nn, COLUMNS, COLUMNS)
-                apply(columns[0, 1:], powers[deep + 2], columns[0], nn, 1, nn, nn, COLUMNS, COLUMNS)
-                apply_two(columns[0, 2:], powers[deep + 3], columns[0], nn, 2, nn, nn, COLUMNS, COLUMNS)
-                multiply(samples, seen, columns, ROWS * count, COLUMNS, nn, nn, COLUMNS, COLUMNS)
-                begin_at = float((first << doubled) + PER_PASS * part)
-                for t in range(traces):
-                    if program.traces[t, 1] == experiment:
-                        open_ = scan(states[t], run, samples, 2 * program.traces[t, 0], count, final[t], step, deep,
-                                     before if part == 0 else deep, begin_at, program.traces[t, 2], least)  # fmt: skip
-                        if open_ and not least:
-                            unsure = True
-                            break
-                if unsure:
-                    break
-            if not unsure:
+            unsure = _octave(
+                program, experiment, powers, final, step, deep, doubled, first, least, due, states, seen, columns, samples, run,
+                pace,
+            )  # fmt: skip
+            _turn_over(pace, unsure, doubled, deep)
+            if unsure == due:
+                continue
+            decided = load(pace, DUE) > 0.0
+            apply(ahead, powers[deep + 2], columns[0, 3:], nn, 1, nn, nn, COLUMNS, 1)
+            for i in range(nn):
+                store(origin, select(decided, load(ahead, i), load(origin, i)), i)
+            left &= unsure | ~due
+            in_turn = in_turn or (due & ~unsure) != everyone
+            if in_turn:
+                _decide(program, experiment, decided, saved, states)
+            if not left:
                 break
-            doubled += 1
+        if in_turn:
             _keep(program, experiment, states, saved)
-        apply(origin, powers[level - doubled + 2], columns[0, 3:], nn, 1, nn, nn, COLUMNS, 1)
-        before = level - doubled

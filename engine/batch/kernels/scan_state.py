@@ -46,6 +46,11 @@ ENTRY: Final = 4
 NONE: Final = -1.0
 EDGE: Final = -2.0
 NOWHERE: Final = -1e300
+NEVER: Final = 1e300
+
+DUE, APART, DOUBLED, LAST, PACES = range(5)
+"""How a lane goes through its octaves of time: whether it is its turn, how many steps apart the samples of the octave before were, how
+often those of this one are doubled, and in how many passes it is followed."""
 
 
 @compiled

@@ -13,10 +13,12 @@ import numpy.typing as npt
 
 from engine.batch.kernels.compiled import apart, compiled
 from engine.batch.kernels.scan_state import (
+    APART,
     BIG,
     COLUMNS,
     D2,
     DOWN,
+    DUE,
     GRAZE2,
     GRAZE5,
     HIGHEST,
@@ -29,6 +31,7 @@ from engine.batch.kernels.scan_state import (
     N5,
     N10,
     N90,
+    NEVER,
     NONE,
     PER_PASS,
     RISE,
@@ -60,7 +63,7 @@ from engine.batch.kernels.turning import (
     turns,
     walls,
 )
-from engine.batch.kernels.vector import anywhere, load, load2, magnitude, select, store
+from engine.batch.kernels.vector import anywhere, lanes_of, load, load2, magnitude, select, spread, store
 
 Real = npt.NDArray[np.float64]
 
@@ -74,48 +77,49 @@ _FAR_BELOW: Final = 5.0
 
 @compiled
 def scan(
-    state: Real, run: Real, samples: Real, row: int, stride: int, final: Real, step: Real, level: int, before: int,
-    start: float, wants: int, least: bool,
-) -> bool:  # fmt: skip
+    state: Real, run: Real, samples: Real, row: int, stride: int, final: Real, step: Real, level: int, pace: Real,
+    begins: bool, start: float, wants: int, least: bool,
+) -> int:  # fmt: skip
     """Go through the 16 samples of a pass: ``samples`` (4 * stride, 4, LANES), deviation in ``row``, slope in ``row + 1``.
 
-    They are ``2**level`` steps apart, the first so much after sample number ``start``; those before were ``2**before`` steps
-    apart. Return whether finer samples would tell more; unless ``least``, which are the finest, the rest is left out then.
+    They are ``2**level`` steps apart, the first so much after sample number ``start``; those before, where the pass ``begins``
+    an octave, as many as ``pace`` (PACES, LANES) says. Return whose finer samples would tell more, lane k in bit k, of those
+    whose samples these are; unless ``least``, which are the finest, the rest is left out when that is said of all of them.
     ``run`` (RUN, LANES) is room.
     """
     unit = float(1 << level)
     goal, h = load(final, 0), load(step, 0)
-    size = magnitude(goal)
-    first90 = load(state, L90)
-    rising = bool(wants & RISE) and anywhere(first90 == NONE)
+    size, due = magnitude(goal), load(pace, DUE) > 0.0
+    everyone, before = lanes_of(due), load(pace, APART) if begins else spread(unit)
+    unrisen = select(due & (load(state, L90) == NONE), 1.0, 0.0)
+    rising = bool(wants & RISE) and anywhere(unrisen > 0.0)
     up, down = limits(state, size, wants, rising)
+    # nothing of the others matters, who have what they need
+    up, down = select(due, up, NEVER), select(due, down, NEVER)
     if not rising and _rests(state, samples, row, stride, goal, (0.5 * unit) * h, up, down):
-        return False
-    if level != before:
+        return 0
+    if begins:
         # what was outside its band last begins an interval of the new length
         for bit, f in ((SETTLE_2, N2), (SETTLE_5, N5)):
             if wants & bit:
                 first = (load(state, f) == start * unit) & (load(state, f + 1) >= 0.0)
                 store(state, select(first, float(level), load(state, f + 1)), f + 1)
-    unrisen = select(first90 == NONE, 1.0, 0.0)
     y1 = load(state, Y)
     for field, content in ((RUN_TOP, y1), (RUN_LOW, y1), (RUN_Y2, y1), (RUN_Y5, y1)):
         store(run, content, field)
     for field, number in ((RUN_STIR, 0.0), (RUN_N2, NONE), (RUN_N5, NONE)):
         store(run, number, field)
-    unsure, index = False, 0
+    above, below = walls(goal, up, down)
+    store(run, above, RUN_ABOVE)
+    store(run, below, RUN_BELOW)
+    unsure, index = 0, 0
     while True:
-        above, below = walls(goal, up, down)
-        store(run, above, RUN_ABOVE)
-        store(run, below, RUN_BELOW)
         index = _sweep(state, run, samples, row, stride, goal, h, level, start, wants, index)
         if index == PER_PASS:
             break
-        if turns(state, run, samples, row, stride, index, final, step, level, before, start, wants):
-            unsure = True
-            if not least:
-                return True
-        up, down = limits(state, size, wants, bool(wants & RISE) and anywhere(load(state, L90) == NONE))
+        unsure |= turns(state, run, samples, row, stride, index, final, step, level, before, start, wants)
+        if unsure == everyone and not least:
+            return unsure
         index += 1
     outside(state, N2, load(run, RUN_N2), load(run, RUN_Y2), float(level))
     outside(state, N5, load(run, RUN_N5), load(run, RUN_Y5), float(level))
@@ -125,7 +129,7 @@ def scan(
     store(state, big, BIG)
     if anywhere(stir > _RIPPLE * big):
         highest, lowest = select(goal >= 0.0, top, -low), select(goal >= 0.0, low, -top)
-        unsure = _hides(state, highest, lowest, stir, size, unrisen, wants, least) or unsure
+        unsure |= everyone & _hides(state, highest, lowest, stir, size, unrisen, wants, least)
     return unsure
 
 
@@ -231,8 +235,8 @@ def _rests(state: Real, samples: Real, row: int, stride: int, goal: Any, half: A
 
 
 @compiled
-def _hides(state: Real, highest: Any, lowest: Any, stir: Any, size: Any, unrisen: Any, wants: int, least: bool) -> bool:
-    """Return whether swings that nobody saw may change a reading, in a pass from ``lowest`` to ``highest``.
+def _hides(state: Real, highest: Any, lowest: Any, stir: Any, size: Any, unrisen: Any, wants: int, least: bool) -> int:
+    """Return in which lanes swings that nobody saw may change a reading, in a pass from ``lowest`` to ``highest``.
 
     Where there are no finer samples than these, say so in the state.
     """
@@ -263,4 +267,4 @@ def _hides(state: Real, highest: Any, lowest: Any, stir: Any, size: Any, unrisen
         matters = matters | wider
     if wants & RISE:
         matters = matters | late
-    return bool(anywhere(matters))
+    return int(lanes_of(matters))

@@ -183,11 +183,13 @@ def _along(
             u = x * x2 - y * y2 - (x1 * x1 - y1 * y1)
             v = x * y2 + y * x2 - 2.0 * x1 * y1
             abrupt = (u * u + v * v > _ABRUPT * _ABRUPT * m1 * m1) | (x * x1 + y * y1 < 0.0)
-            if anywhere(abrupt & (m1 > SMALLEST * SMALLEST * select(static < 1.0, static, 1.0))):
+            abrupt = abrupt & (m1 > SMALLEST * SMALLEST * select(static < 1.0, static, 1.0))
+            if anywhere(abrupt):
                 doubts = _abruptly(wants, abrupt, (x, y), (x1, y1), m1, static, falls, doubts)
             full |= _turns(wants, k - 1, c, m2, m1, m, reference, falls, kinds, at, counts, of)
-            if wants & GAIN and anywhere(magnitude(y1) < magnitude(y - 2.0 * y1 + y2)):
-                twice = _hidden(y2, y1, y, 0.0) & before[2] & before[1]
+            near = magnitude(y1) < magnitude(y - 2.0 * y1 + y2)
+            if wants & GAIN and anywhere(near):
+                twice = _hidden(y2, y1, y, 0.0) & near & before[2] & before[1]
                 doubt, phase, gain, peak, level, high = doubts
                 doubts = doubt, phase, select(twice, float(GAIN), gain), peak, level, high
         if wants & (GAIN | PHASE | DELAY):
@@ -255,12 +257,14 @@ def _turns(
     full = 0
     if wants & (PHASE | DELAY | BANDWIDTH):
         bend = magnitude(m - 2.0 * m1 + m2)
-        if wants & (PHASE | DELAY) and anywhere(magnitude(m1 - 1.0) < bend):
-            unseen = _hidden(m2, m1, m, 1.0)
+        near = magnitude(m1 - 1.0) < bend
+        if wants & (PHASE | DELAY) and anywhere(near):
+            unseen = _hidden(m2, m1, m, 1.0) & near
             if anywhere(unseen):
                 full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_UNIT, place, c)
-        if wants & BANDWIDTH and anywhere(magnitude(m1 - reference) < bend):
-            unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
+        near = magnitude(m1 - reference) < bend
+        if wants & BANDWIDTH and anywhere(near):
+            unseen = _hidden(m2, m1, m, reference) & near & (falls == 0.0)
             if anywhere(unseen):
                 full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_LEVEL, place, c)
     return full

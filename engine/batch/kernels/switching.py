@@ -173,8 +173,13 @@ def _note(
 
 @compiled
 def _narrow(end: Real, found: Real, aim: Real, low: Real, high: Real, below: Real, above: Real, side: Real) -> None:
-    """Narrow the brackets of instants by what was ``found`` (LANES,) at ``end`` (1, LANES): by the Illinois method."""
+    """Narrow the brackets of instants by what was ``found`` (LANES,) at ``end`` (1, LANES): by the Illinois method.
+
+    A bracket that is narrow enough stays, however long others are narrowed.
+    """
     for lane in range(LANES):
+        if high[lane] - low[lane] <= _RESOLVED:
+            continue
         if 0.0 < found[lane] <= 4.0 * aim[lane]:
             low[lane] = high[lane] = end[0, lane]
         elif found[lane] > 0.0:
@@ -222,7 +227,7 @@ def _cut(
                 end[0, lane] = secant if inside else 0.5 * (low[lane] + high[lane])
                 if not active[lane]:
                     end[0, lane] = 1.0
-                elif last:
+                elif last or high[lane] - low[lane] <= _RESOLVED:
                     end[0, lane] = high[lane]
             _part(tapes, registers, base, total, counts, ends, begin, end, theta, width)
             interpret(tapes.whole, registers)

@@ -26,6 +26,7 @@ from engine.batch.kernels.scan_state import (
     MIXED,
     N2,
     N5,
+    NEVER,
     NONE,
     RANKS,
     RISE,
@@ -45,6 +46,10 @@ Real = npt.NDArray[np.float64]
 _GRAZE: Final = 1e-6
 """A tip so near to the edge of a band, by the band, or as near as the interpolation error, is not decided here."""
 _NOISE: Final = 1e-12
+_BY_SLOPE: Final = 2.0
+"""How many steps a missed slope counts for: it must tell alone where a step is 1 rad and more, in less than that the sample does."""
+_FOLD: Final = 16.0
+"""Over two steps a cubic misses so many times what it does over one."""
 _FAR: Final = 1e-2
 """A turning point that is sure to stay so much below the furthest is no rival of it."""
 RUN_TOP, RUN_LOW, RUN_STIR, RUN_N2, RUN_Y2, RUN_N5, RUN_Y5, RUN_ABOVE, RUN_BELOW = range(9)
@@ -55,7 +60,7 @@ RUN: Final = 9
 @compiled
 def limits(state: Real, size: Any, wants: int, rising: bool) -> Any:
     """Return how far a turning point must be able to reach to change a reading: up, towards the final value and beyond, and down."""
-    limit = spread(1e300)
+    limit = spread(NEVER)
     if wants & SETTLE_2:
         limit = 0.015 * size
     elif wants & SETTLE_5:
@@ -67,7 +72,7 @@ def limits(state: Real, size: Any, wants: int, rising: bool) -> Any:
         rival = select(rival > least, rival, least)
         up = select(rival < up, rival, up)
     if rising:
-        up = select(load(state, L10) == NONE, -0.95, -0.15) * size
+        up = select(load(state, L90) == NONE, select(load(state, L10) == NONE, -0.95, -0.15) * size, up)
     if wants & LOWEST:
         rival = _rival(state, LOW)
         down = select(rival < down, rival, down)
@@ -144,26 +149,29 @@ def _turn(
         highest, reached = way * (tip + final), way * (y + final)
         for f, part in ((L10, 0.1), (L90, 0.9)):
             # A level that is reached between two samples only: the bracket has no change of sign.
-            if state[f, lane] == NONE and reached < part * size and highest + error >= part * size:
+            if state[f, lane] == NONE and reached < part * size and highest + SURE * error >= part * size:
                 state[MIXED, lane] = 1.0
                 unsure = True
     for bit, f, part in ((SETTLE_2, N2, 0.02), (SETTLE_5, N5, 0.05)):
         band = part * size
-        margin = _GRAZE * band + 3.0 * error
+        margin = _GRAZE * band + SURE * error
         if wants & bit and abs(tip) > band - margin and abs(y) <= band:
             state[f, lane], state[f + 1, lane], state[f + 2, lane] = n, level, 1.0
             state[f + 3, lane] = -1.0 if tip > 0.0 else 1.0
             state[f + 4, lane] = 1.0 if abs(tip) < band + margin else 0.0
-            unsure = unsure or (abs(tip) < band + margin and 3.0 * error > _GRAZE * band)
+            unsure = unsure or (abs(tip) < band + margin and SURE * error > _GRAZE * band)
     return unsure
 
 
 @compiled
 def turns(
     state: Real, run: Real, samples: Real, row: int, stride: int, index: int, final: Real, step: Real, level: int,
-    before: int, start: float, wants: int,
-) -> bool:  # fmt: skip
-    """Take down the turning points in the interval that ends with sample ``index``; return whether finer samples would tell more."""
+    before: Any, start: float, wants: int,
+) -> int:  # fmt: skip
+    """Take down the turning points in the interval that ends with sample ``index``; return whose finer samples would tell more, lane k in bit k.
+
+    From there on only turning points matter that are rivals of these.
+    """
     unit, h, goal = float(1 << level), load(step, 0), load(final, 0)
     at, column = row + (index % ROWS) * stride, index // ROWS
     at_before, column_before = row + ((index - 1) % ROWS) * stride, (index - 1) // ROWS
@@ -175,18 +183,18 @@ def turns(
     big = biggest(load(state, BIG), load(run, RUN_TOP), load(run, RUN_LOW), goal)
     turning = turning & (unit * h * magnitude(d1 - d) > _NOISE * big)
     if not anywhere(turning):
-        return False
+        return 0
     if start + index == 0.0:
         # in the first step of all, how slopes add up must do
         store(state, magnitude(y - y1 - (0.5 * unit) * h * (d + d1)) * (1.0 / 16.0), ERROR)
     else:
-        _miss(state, samples, row, stride, index, y1, y, d, unit, before, h)
+        _miss(state, samples, row, stride, index, y1, d1, y, d, unit, before, h)
     # a tip comes after the samples that were outside until then
     outside(state, N2, load(run, RUN_N2), load(run, RUN_Y2), float(level))
     outside(state, N5, load(run, RUN_N5), load(run, RUN_Y5), float(level))
     store(run, NONE, RUN_N2)
     store(run, NONE, RUN_N5)
-    bits, unsure = lanes_of(turning), False
+    bits, unsure = lanes_of(turning), 0
     for lane in range(LANES):
         if (bits >> lane) & 1:
             y_before, d_before = state[Y, lane], state[D, lane]
@@ -197,18 +205,25 @@ def turns(
                 state, lane, y_before, d_before, samples[at, column, lane], samples[at + 1, column, lane], final[lane],
                 unit * step[lane], (start + index) * unit, float(level), wants,
             ):  # fmt: skip
-                unsure = True
+                unsure |= 1 << lane
+    rising = bool(wants & RISE) and anywhere(turning & (load(state, L90) == NONE))
+    up, down = limits(state, magnitude(goal), wants, rising)
+    above, below = walls(goal, up, down)
+    store(run, select(turning, above, load(run, RUN_ABOVE)), RUN_ABOVE)
+    store(run, select(turning, below, load(run, RUN_BELOW)), RUN_BELOW)
     return unsure
 
 
 @compiled
 def _miss(
-    state: Real, samples: Real, row: int, stride: int, index: int, y1: Any, y: Any, d: Any, unit: float,
-    before: int, h: Any,
+    state: Real, samples: Real, row: int, stride: int, index: int, y1: Any, d1: Any, y: Any, d: Any, unit: float,
+    before: Any, h: Any,
 ) -> None:  # fmt: skip
-    """Put down by how much interpolation errs over the step that ends with sample ``index``, where y1 was before it.
+    """Put down by how much interpolation errs over the step that ends with sample ``index``, where y1 was before it, with slope d1.
 
-    Cubic interpolation over the two steps to both sides of the sample before errs so much more than that over one.
+    Cubic interpolation over the two steps to both sides of the sample before errs so much more than that over one. Of a sine
+    A sin(φ + ω t) it misses that sample by A s⁴/24 sin φ and its slope by A ω s⁴/120 cos φ, s = ω times a step: wherever in its swing
+    the sample lies, one of them tells.
     """
     y2, d2 = load(state, Y2), load(state, D2)
     if index == 1:
@@ -216,7 +231,7 @@ def _miss(
     elif index > 1:
         at = row + ((index - 2) % ROWS) * stride
         y2, d2 = load2(samples, at, (index - 2) // ROWS), load2(samples, at + 1, (index - 2) // ROWS)
-    w2 = float(1 << before) if index == 0 else unit
+    w2 = before if index == 0 else spread(unit)
     theta, ratio = w2 / (w2 + unit), unit / w2
     rest = 1.0 - theta
     wide = (w2 + unit) * h
@@ -224,7 +239,9 @@ def _miss(
         (1.0 + 2.0 * theta) * rest * rest * y2 + theta * rest * rest * wide * d2
         + theta * theta * (3.0 - 2.0 * theta) * y - theta * theta * rest * wide * d
     )  # fmt: skip
-    store(state, (ratio * ratio / 16.0) * magnitude(middle - y1), ERROR)
+    slope = 6.0 * theta * rest * (y - y2) / wide + rest * (1.0 - 3.0 * theta) * d2 + theta * (3.0 * theta - 2.0) * d
+    missed = magnitude(middle - y1) + (_BY_SLOPE * unit) * h * magnitude(slope - d1)
+    store(state, (ratio * ratio / _FOLD) * missed, ERROR)
 
 
 @compiled

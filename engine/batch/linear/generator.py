@@ -17,6 +17,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch import stacks
+
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Array = npt.NDArray[Any]
@@ -64,9 +66,10 @@ def _quiet(a: Real, b2: Real, c2: Real, d22: Real, lowest: Real) -> Flags:
     highest = _BEYOND * np.maximum(lowest, np.abs(a).sum(axis=2).max(axis=1, initial=0.0))
     omega = lowest[:, None] * (highest / lowest)[:, None] ** np.linspace(0.0, 1.0, _LOOKS)
     resolvent = 1j * omega[:, :, None, None] * np.eye(n) - a[:, None]
-    passed = c2[:, None] @ np.linalg.solve(resolvent, np.broadcast_to(b2[:, None], (members, _LOOKS, *b2.shape[1:])))
+    passed = c2[:, None] @ stacks.solve(resolvent, np.broadcast_to(b2[:, None], (members, _LOOKS, *b2.shape[1:])))
     # Whatever the delays' phases are, nothing comes around larger than by the spectral radius of the absolute values.
-    size = np.abs(np.linalg.eigvals(np.abs(passed + d22[:, None]))).max(axis=2)
+    around = np.nan_to_num(np.abs(passed + d22[:, None]), nan=1.0, posinf=1.0)  # exactly at a pole: not small
+    size = np.abs(np.linalg.eigvals(around)).max(axis=2)
     return np.asarray((size < _SMALL).all(axis=1))
 
 
@@ -128,10 +131,7 @@ def _unstable_root(a: Real, b2: Real, c2: Real, d22: Real, delays: Real, values:
             whole[:, :, n:, :n], whole[:, :, n:, n:] = -turn * c2[:, None], np.eye(m) - turn * d22[:, None]
             slope[:, :, n:, :n] = delays[:, None, :, None] * turn * c2[:, None]
             slope[:, :, n:, n:] = delays[:, None, :, None] * turn * d22[:, None]
-            try:
-                step = 1.0 / np.trace(np.linalg.solve(whole, slope), axis1=2, axis2=3)
-            except np.linalg.LinAlgError:
-                return np.full(members, np.nan + 0j)
+            step = 1.0 / np.trace(stacks.solve(whole, slope), axis1=2, axis2=3)
             s = s - step
     there = (np.abs(step) <= _CONVERGED * np.abs(s)) & (s.real > _CONVERGED * np.abs(s))
     rightmost = np.where(there, s, -np.inf)

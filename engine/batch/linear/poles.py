@@ -12,6 +12,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch import stacks
+
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Array = npt.NDArray[Any]
@@ -43,16 +45,14 @@ def lifetime_of(values: Array) -> Real:
 
 def poles_of(a: Array) -> tuple[Array, Array, Flags]:
     """Return poles (B, n), their first change where ``a`` (B, n, n) carries infinitesimals, and which are not known well enough."""
-    values, right = np.linalg.eig(a.real)
+    # complex whether or not some pole of somebody is
+    values, right = (found.astype(complex) for found in np.linalg.eig(a.real))
     with np.errstate(all="ignore"):
-        try:
-            left = np.linalg.inv(right)
-        except np.linalg.LinAlgError:
-            left = np.full_like(right, np.nan)
-        refined = np.einsum("bij,bji->bi", left, a.real @ right)
-        size = np.einsum("bij,bji->bi", np.abs(left), np.abs(a.real) @ np.abs(right))
+        left = stacks.solve(right, np.eye(a.shape[1]))
+        refined = stacks.contract(left, a.real @ right)
+        size = stacks.contract(np.abs(left), np.abs(a.real) @ np.abs(right))
         unsure = ~(20 * _EPS * size <= _KNOWN * np.abs(values)) | ~(np.abs(refined - values) <= 1e-9 * np.abs(values))
-        motion = np.einsum("bij,bji->bi", left, a.imag @ right) if np.iscomplexobj(a) else np.zeros_like(refined)
+        motion = stacks.contract(left, a.imag @ right) if np.iscomplexobj(a) else np.zeros_like(refined)
     refined = np.where(values.imag == 0, refined.real, refined)
     return np.where(unsure, values, refined), motion, np.asarray(unsure)
 

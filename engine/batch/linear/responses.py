@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch import stacks
 from engine.batch.linear import poles
-from engine.batch.linear.commands import NotCoveredError
+from engine.batch.linear.commands import Command, NotCoveredError
 from engine.batch.linear.evaluate import Delayed, evaluate
 from engine.batch.linear.response_requests import (
     INTEGRALS,
@@ -34,6 +35,8 @@ _MOST_STATES: Final = 64
 _MOST_CHANNELS: Final = 4
 _LONGEST: Final = 1e9
 _BESIDE: Final = 1e-6
+_PARTS: Final = 4
+"""Of an octave."""
 
 
 class Responses:
@@ -124,7 +127,7 @@ class Responses:
             for column in self._of_poles:
                 value, doubt, own = poles.measured(self._requests[column].metric, stack.a[here])
                 found.values[here, column] = value if np.iscomplexobj(found.values) else value.real
-                found.doubtful[here, column] = doubt
+                found.doubtful[here, column] = doubt | stack.zeros[here]
                 growth[here] = own
         return growth
 
@@ -167,16 +170,26 @@ class Responses:
         values: Array, found: Screened, members: Array,
     ) -> None:  # fmt: skip
         """Enter the metrics of one response; the first n rows and columns are states, the others delay channels."""
-        if response.endless:
+        own = response.endless and np.isinf(response.until)
+        if own:
             ends = poles.lifetime_of(values) + response.beyond
-            ends = np.where(np.isinf(response.until), np.maximum(ends, response.marks[-1]), response.until)
+            ends = np.maximum(ends, response.marks[-1])
         else:
             ends = np.full(len(flow), response.until)
         ends = np.where((ends > _LONGEST) & np.isfinite(ends), np.nan, ends)
-        try:
-            command = response.command(float(np.nanmax(ends, initial=0.0, where=np.isfinite(ends))))
-        except (NotCoveredError, UnresolvedError):
-            return
+        for horizon, these in _horizons(ends) if own else [(response.until, slice(None))]:
+            try:
+                command = response.command(horizon if horizon <= _LONGEST else 0.0)
+            except (NotCoveredError, UnresolvedError):
+                continue
+            parts = (part[these] for part in (flow, driven, seen, through, delays))
+            self._follow_up_to(response, command, n, ends[these], found, members[these], *parts)
+
+    def _follow_up_to(
+        self, response: ResponseRequests, command: Command, n: int, ends: Array, found: Screened, members: Array, flow: Array,
+        driven: Array, seen: Array, through: Array, delays: Array,
+    ) -> None:  # fmt: skip
+        """Enter the metrics of the responses to a command that is known far enough for them all."""
         plan, drive = plan_of(response, command)
         watched, wanted = readings_of(self._diagram, response, command)
         kind = np.result_type(flow, driven, seen, through, delays, found.values)
@@ -217,19 +230,23 @@ def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:
     return 0 < stack.a.shape[1] <= _MOST_STATES and channels <= _MOST_CHANNELS, channels > 0
 
 
+def _horizons(ends: Array) -> list[tuple[float, Array]]:
+    """Return up to when a command has to be known, s, and for whom: that is a quarter of an octave at a time, whoever else lives longer."""
+    step = np.ceil(_PARTS * np.log2(ends))
+    return [(float(2.0 ** (one / _PARTS)), np.flatnonzero(step == one)) for one in np.unique(step[np.isfinite(step)])]
+
+
 def _alike(flow: Array, driven: Array, seen: Array) -> list[tuple[Array, Array, list[int]]]:
     """Return (members, states, outputs) for each pattern of what acts on what: outputs with the same states between them and the command."""
     count = len(flow)
     pattern = np.concatenate([(part != 0).reshape(count, -1) for part in (flow, driven, seen)], axis=1)
-    first, which = np.zeros(1, dtype=int), np.zeros(count, dtype=int)
-    if not (pattern == pattern[0]).all():
-        _, first, which = np.unique(pattern, axis=0, return_index=True, return_inverse=True)
     found = []
-    for k, at in enumerate(first):
+    for members in stacks.alike(pattern):
+        at = members[0]
         acts, reached = flow[at] != 0, (driven[at] != 0).any(axis=1)
         groups: dict[bytes, tuple[Array, list[int]]] = {}
         for output, own in enumerate(seen[at] != 0):
             kept = between(acts, reached, own)
             groups.setdefault(kept.tobytes(), (kept, []))[1].append(output)
-        found += [(np.flatnonzero(which.ravel() == k), *group) for group in groups.values()]
+        found += [(members, *group) for group in groups.values()]
     return found

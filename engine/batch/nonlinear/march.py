@@ -276,11 +276,12 @@ def _tapes(program: Program) -> Tapes:
 def _last(back: Lookback, past: Real) -> Real:
     """Return the delayed signals at the end of the last piece, (m, B), of ``past`` (2 m, slots, B)."""
     count = len(past) // 2
-    found = [
-        np.einsum("kb,k->b", np.stack([part[place + more] for more in (0, 1) for part in (past[k], past[count + k])]), share)
-        for k, (place, share) in enumerate(zip(back.places[-1], back.shares[-1, :, :4], strict=True))
-    ]  # fmt: skip
-    return np.array(found).reshape(count, past.shape[2])
+    found = np.zeros((count, past.shape[2]))
+    for k, (place, share) in enumerate(zip(back.places[-1], back.shares[-1, :, :4], strict=True)):
+        parts = (part[place + more] for more in (0, 1) for part in (past[k], past[count + k]))
+        for part, weight in zip(parts, share, strict=True):
+            found[k] += weight * part
+    return found
 
 
 def _rows(count: int) -> npt.NDArray[np.intp]:

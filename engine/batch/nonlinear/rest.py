@@ -61,6 +61,11 @@ def reaching(equations: Equations, output: int) -> Flags:
     return found
 
 
+def _times(matrices: Real, vectors: Real) -> Real:
+    """Return A x for stacks (B, n, n) and (B, n)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
 class _Places:
     """Where among the parameters of a graph its signals are."""
 
@@ -138,15 +143,17 @@ class Rest:
                     break
                 if iteration == 0:
                     scale = balance(np.where(open_[:, None, None], slope, 0.0))
-                balanced = np.where(open_[:, None, None], slope * scale[:, None] / scale[:, :, None], np.eye(n))
+                balanced = slope * scale[:, None] / scale[:, :, None]
+                open_ = np.asarray(open_ & np.isfinite(balanced).all(axis=(1, 2)))
+                balanced = np.where(open_[:, None, None], balanced, np.eye(n))
                 try:
                     u, s, v = np.linalg.svd(balanced)
                 except np.linalg.LinAlgError:
                     break
                 inverse = np.where(s > 1e-12 * s[:, :1], 1 / s, 0.0)
                 rate = np.where(open_[:, None], f / scale, 0.0)
-                step = -np.einsum("bji,bj,bkj,bk->bi", v, inverse, u, rate)
-                left = np.linalg.norm(np.einsum("bij,bj->bi", balanced, step) + rate, axis=1)
+                step = -_times(v.swapaxes(1, 2), inverse * _times(u.swapaxes(1, 2), rate))
+                left = np.linalg.norm(_times(balanced, step) + rate, axis=1)
                 open_ = np.asarray(open_ & (left <= _REACHED * np.linalg.norm(rate, axis=1)))
                 step = np.where(open_[:, None], step * scale, 0.0)
                 x = x + step.T

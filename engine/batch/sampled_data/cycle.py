@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch import stacks
 from engine.batch.frequency.balance import balance
 from engine.batch.sampled_data.maps import period_maps
 from engine.elements._nonlinear import entries
@@ -50,10 +51,7 @@ def alike(system: NonlinearSystem, exist: Flags) -> list[Numbers]:
     parts = [*flags, *(np.ascontiguousarray(part, dtype=float).view(np.uint8) for part in numbers)]
     whole = np.concatenate([np.broadcast_to(part, (lanes, part.shape[1])).astype(np.uint8) for part in parts], axis=1)
     here = np.flatnonzero(exist)
-    if here.size and (whole[here] == whole[here[0]]).all():
-        return [here]
-    _, which = np.unique(whole[here], axis=0, return_inverse=True)
-    return [here[which == k] for k in range(which.max(initial=-1) + 1)]
+    return [here[members] for members in stacks.alike(whole[here])]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,13 +185,9 @@ class Cycle:
                 written[rows] += 1
                 whole[:, rows] = jump[members][:, rows] - np.eye(self.system.n)[rows]
                 right[:, rows] = -one.entering[members][:, rows] @ inputs if number == 0 else 0.0
-        nowhere = np.full(right.shape, np.nan, dtype=kind)
         if (written > 1).any():
-            return nowhere
-        try:
-            return np.linalg.solve(whole, right[:, :, None])[:, :, 0] / self.scale[members]
-        except np.linalg.LinAlgError:
-            return nowhere
+            return np.full(right.shape, np.nan, dtype=kind)
+        return np.asarray(stacks.solve(whole, right[:, :, None])[:, :, 0] / self.scale[members])
 
 
 def growth_of(less_one: Array, length: float) -> npt.NDArray[np.float64]:

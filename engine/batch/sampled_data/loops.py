@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from engine.batch import stacks
 from engine.batch.frequency.balance import balance
 from engine.batch.frequency.margins import LOOP_METRICS
 from engine.batch.frequency.scan import Path, Scan
@@ -27,6 +28,7 @@ from engine.model.errors import EngineError
 if TYPE_CHECKING:
     from engine.analysis.measuring import MetricRequest
     from engine.batch.screened import Screened
+    from engine.batch.stacks import Numbers
     from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
     from engine.exact.sampled_data.system import SampledSystem
@@ -55,9 +57,8 @@ def measure_loops(
             loop = _Sequence.of(part) if part.samplings and not np.isfinite(part.pace) else None
         except EngineError:
             continue
-        if loop is None:
-            continue
-        _measure(loop, members, requests, found)
+        for those, own in [] if loop is None else loop.parts():
+            _measure(own, members[those], requests, found)
 
 
 def _measure(loop: _Sequence, members: Array, requests: Mapping[int, MetricRequest], found: Screened) -> None:
@@ -108,25 +109,35 @@ class _Sequence:
             before = _before(part, float(cycle.instants[first]))
             if before is None:
                 return None
-            read = np.einsum("bi,bij->bj", read, before * cycle.scale[:, None] / cycle.scale[:, :, None])
+            read = (read[:, None] @ (before * cycle.scale[:, None] / cycle.scale[:, :, None]))[:, 0]
         elif np.any(driven) and not len(entered) and seen.size and seen[0] >= cycle.flowing:  # a value that is held
             same = np.eye(part.n)[seen]
             changed = np.flatnonzero((cycle.jumps[:, :, seen] != same).any(axis=(0, 2, 3)))
             if len(changed) != 1:
                 return None
             first = int(changed[0])
-            read = np.einsum("bi,bij->bj", read, cycle.jumps[:, first])
+            read = (read[:, None] @ cycle.jumps[:, first])[:, 0]
         else:
             return None
         whole = cycle.maps(first, (driven, entering))
         n = part.n
-        acts = (whole[:, :n, :n] != -np.eye(n)).any(axis=(0, 1)) & ((whole[:, :n, :n] + np.eye(n)) != 0).any(
-            axis=(0, 1)
-        )
-        kept = np.flatnonzero(acts | (read != 0).any(axis=0))
-        return cls(
-            whole=whole[:, kept[:, None], kept], entered=whole[:, kept, n], read=read[:, kept], length=cycle.length
-        )  # fmt: skip
+        return cls(whole=whole[:, :n, :n], entered=whole[:, :n, n], read=read, length=cycle.length)
+
+    def parts(self) -> list[tuple[Numbers, _Sequence]]:
+        """Return the members, by number, with those states alone whose values at the start of a period matter to them."""
+        acts = ((self.whole + np.eye(self.whole.shape[1])) != 0).any(axis=1) | (self.read != 0)
+        found = []
+        for members in stacks.alike(acts):
+            kept = np.flatnonzero(acts[members[0]])
+            whole = self.whole[members][:, kept[:, None], kept]
+            part = _Sequence(
+                whole=whole,
+                entered=self.entered[members][:, kept],
+                read=self.read[members][:, kept],
+                length=self.length,
+            )
+            found.append((members, part))
+        return found
 
     def closed(self) -> tuple[Array, Array]:
         """Return the largest real part of a pole of the closed loop, 1/s and in the plane of v, (B,); NaN where it cannot be told from 0."""

@@ -235,6 +235,18 @@ def test_wrong_settings_end_with_a_sentence(tmp_path, settings, says) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("command", [["serve", "--no-worker"], ["worker"]])
+def test_what_a_process_ends_with_is_a_line_of_its_log(command) -> None:
+    environment = {"SERVOTUNE_LOG_FORMAT": "json", "SERVOTUNE_LOG_LEVEL": "loud"}
+    done = subprocess.run(
+        [sys.executable, "-m", "servotune", *command],
+        env=os.environ | environment, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    (line,) = map(json.loads, done.stderr.splitlines())
+    assert (line["level"], line["message"][:24]) == ("critical", "SERVOTUNE_LOG_LEVEL must")
+
+
 @pytest.mark.parametrize(
     ("command", "arguments", "says"),
     [
