@@ -76,7 +76,7 @@ def queue(name: str, url: str, *, jobs: int) -> None:
     rates, spent = workers.rates(url, jobs=jobs)
     for what, rate in rates.items():
         print(f"{name}: jobs {what}: {rate:.0f}/s")
-    if spent:
+    if name == "postgres":
         print(f"{name}: a job takes {1000 * spent:.1f} ms of its processor time, from the request to its end")
 
 

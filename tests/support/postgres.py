@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -49,11 +50,13 @@ class Server:
 
     Parameters
     ----------
+    copy_of : optional
+        A running server, of which this one is a base backup.
     settings
         In place of those of `SETTINGS`.
     """
 
-    def __init__(self, **settings: str) -> None:
+    def __init__(self, *, copy_of: Server | None = None, **settings: str) -> None:
         self._directory = binaries()
         self._settings = SETTINGS | settings
         # Postgres refuses to run as root.
@@ -65,27 +68,54 @@ class Server:
         self._process: subprocess.Popen[bytes] | None = None
         #: The URL of its databases, with ``{name}`` for the name of one.
         self.url = f"postgresql+psycopg://postgres@/{{name}}?host={self._home}"
+        made: list[str | Path] = [self._directory / "initdb", "-D", self._home / "data", "-U", "postgres"]
+        made += ["-A", "trust", "-E", "UTF8", "--locale=C", "-N"]
+        if copy_of is not None:
+            made = [self._directory / "pg_basebackup", "-D", self._home / "data", "-U", "postgres"]
+            made += ["-h", copy_of._home, "-c", "fast"]
         with (self._home / "log").open("wb") as log:
             subprocess.run(
-                [
-                    self._directory / "initdb", "-D", self._home / "data", "-U", "postgres", "-A", "trust", "-E", "UTF8",
-                    "--locale=C", "-N",
-                ],
+                made,
                 check=True,
                 stdout=log,
                 stderr=log,
                 cwd=self._home,
                 user=self._user,
                 env=self._environment,
-            )  # fmt: skip
+            )
 
-    def start(self) -> None:
-        """Start it and wait until it answers."""
-        settings = [f"-c{key}={value}" for key, value in self._settings.items()]
+    def recover(self, archive: Path, *, until: datetime) -> None:
+        """Start with what was committed up to a moment, from the log that another server has put into ``archive``."""
+        (self._home / "data" / "recovery.signal").touch()
+        self.start(
+            restore_command=f"cp {archive}/%f %p",
+            recovery_target_time=until.isoformat(sep=" "),
+            recovery_target_action="promote",
+        )
+        _wait_for(self._home, "SELECT NOT pg_is_in_recovery()")
+
+    def archived(self) -> None:
+        """Begin a new segment of the log, and wait until all before it are in the archive."""
+        with psycopg.connect(host=str(self._home), user="postgres", dbname="postgres", autocommit=True) as connection:
+            (segment,) = connection.execute("SELECT pg_walfile_name(pg_switch_wal())").fetchone() or ("",)
+        _wait_for(self._home, f"SELECT last_archived_wal >= '{segment}' FROM pg_stat_archiver")
+
+    def folder(self, name: str) -> Path:
+        """Return a new folder that the server may write into."""
+        made = self._home / name
+        made.mkdir()
+        if self._user is not None:
+            shutil.chown(made, self._user)
+        return made
+
+    def start(self, **settings: str) -> None:
+        """Start it, with more settings from now on, and wait until it answers."""
+        self._settings |= settings
+        given = [f"-c{key}={value}" for key, value in self._settings.items()]
         server = [self._directory / "postgres", "-D", self._home / "data", f"-cunix_socket_directories={self._home}"]
         with (self._home / "log").open("ab") as log:
             self._process = subprocess.Popen(
-                ["sh", "-c", UNTIL_STDIN_CLOSES, *server, *settings],
+                ["sh", "-c", UNTIL_STDIN_CLOSES, *server, *given],
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=log,
@@ -134,6 +164,15 @@ def _administer(url: str, statement: str) -> None:
     home = url.partition("?host=")[2]
     with psycopg.connect(host=home, user="postgres", dbname="postgres", autocommit=True) as connection:
         connection.execute(statement.encode())
+
+
+def _wait_for(home: Path, question: str) -> None:
+    give_up_at = time.monotonic() + PATIENCE
+    with psycopg.connect(host=str(home), user="postgres", dbname="postgres", autocommit=True) as connection:
+        while connection.execute(question.encode()).fetchone() != (True,):
+            if time.monotonic() > give_up_at:
+                raise RuntimeError(f"{question}: {(home / 'log').read_text()}")
+            time.sleep(0.05)
 
 
 def _exists(user: str) -> bool:
