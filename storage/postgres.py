@@ -30,6 +30,8 @@ from sqlalchemy.exc import InvalidatePoolError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from storage.errors import DatabaseUrlError
+
 #: s without use after which a connection is tried out before it is used again.
 IDLE = 30.0
 
@@ -39,6 +41,15 @@ LONGEST_PAUSE = 10.0
 _USED_AT = "used at"
 #: SELECT ... FOR UPDATE locks; what only looks like it begins a transaction that it does not need.
 _LOCKS = re.compile(r"\bFOR\b")
+
+
+def require_unicode(connection: psycopg.Connection[Any], _record: object) -> None:
+    """Refuse a Postgres database whose texts are not Unicode: they would come as bytes, or not at all."""
+    encoding = connection.info.parameter_status("server_encoding")
+    if encoding != "UTF8":
+        raise DatabaseUrlError(
+            f"the database must have the encoding UTF8, got {encoding}: make one by createdb --encoding=UTF8 --template=template0"
+        )
 
 
 def use_sparingly(engine: Engine, *, pooled: bool = False) -> None:

@@ -30,7 +30,7 @@ from sqlalchemy.pool import ConnectionPoolEntry
 from storage.clock import JumpDetector, shared_now
 from storage.errors import DatabaseUrlError, DocumentError, FullDiskError, is_full, is_refusal
 from storage.objects import ObjectStore
-from storage.postgres import use_sparingly
+from storage.postgres import require_unicode, use_sparingly
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
 LOCK_TIMEOUT = 30.0
@@ -188,6 +188,7 @@ def open_database(url: str, *, connections: int = CONNECTIONS, objects: ObjectSt
     else:
         patience = {} if "connect_timeout" in parsed.query else {"connect_timeout": CONNECT_TIMEOUT}
         engine = create_engine(parsed.difference_update_query(["pooler"]), connect_args=patience, **options)
+        event.listen(engine, "connect", require_unicode, insert=True)
         use_sparingly(engine, pooled=pooled)
         event.listen(engine, "handle_error", _count_refusals_as_unavailable)
         event.listen(engine, "handle_error", partial(_name_the_full_disk, engine.url))

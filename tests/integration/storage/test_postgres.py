@@ -12,6 +12,7 @@ from psycopg.pq import TransactionStatus
 from sqlalchemy import func, select, text
 
 from storage import Database, open_database, postgres
+from storage.errors import DatabaseUrlError
 from storage.insertion import insert_if_absent
 from storage.models import Workspace
 from tests.support.postgres import create_database, drop_database
@@ -100,3 +101,19 @@ def test_a_connection_that_the_server_has_closed_is_not_used_again(
         operator.execute("SELECT pg_terminate_backend(%s, 60000)", [gone])
     with own.session() as session:
         assert session.scalar(select(func.pg_backend_pid())) != gone
+
+
+@pytest.mark.parametrize("encoding", ["SQL_ASCII", "LATIN1"])
+def test_a_database_of_another_encoding_is_refused(postgres_url: str, encoding: str) -> None:
+    name = f"foreign_{next(_numbers)}"
+    with psycopg.connect(host=postgres_url.partition("?host=")[2], user="postgres", autocommit=True) as server:
+        server.execute(f"CREATE DATABASE {name} ENCODING '{encoding}' TEMPLATE template0".encode())
+    database = open_database(postgres_url.format(name=name))
+    try:
+        with pytest.raises(DatabaseUrlError, match=f"must have the encoding UTF8, got {encoding}"):
+            database.migrate()
+        with pytest.raises(DatabaseUrlError, match="must have the encoding UTF8"):
+            database.ping()
+    finally:
+        database.dispose()
+        drop_database(postgres_url, name)
