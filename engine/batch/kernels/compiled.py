@@ -18,6 +18,8 @@ from numba import njit, types
 from numba.core import caching, cgutils
 from numba.extending import intrinsic
 
+from engine.batch.kernels import linking
+
 LANES: Final = 8
 
 
@@ -43,6 +45,8 @@ class ByContent(caching.UserProvidedCacheLocator):
 _PLACES = ["UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "ZipCacheLocator"]
 vars(numba.config)["CACHE_LOCATOR_CLASSES"] = ",".join([f"{__name__}.ByContent", *_PLACES])
 vars(numba.config)["CACHE_DIR"] = str(_cache())
+
+linking.keep_copies_apart()
 
 F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS: Final[dict[str, Any]] = {
