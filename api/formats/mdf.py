@@ -163,7 +163,7 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
                             name=f"{name}{label_of}",
                             index=len(series),
                             count=count,
-                            unit=str(getattr(channel, "unit", "") or "")[:64],
+                            unit=_unit(channel),
                             start_time=start,
                             group=label,
                         )
@@ -178,7 +178,7 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
                     name=name,
                     index=len(series),
                     count=count,
-                    unit="" if timed else str(getattr(channel, "unit", "") or "")[:64],
+                    unit="" if timed else _unit(channel),
                     start_time=start,
                     role="time" if timed else "channel",
                     group=label,
@@ -189,6 +189,11 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
                 _Place(group=group, index=None if timed else index, raw=not timed and kind in _TEXTS[version])
             )
     return places, series, refused
+
+
+def _unit(channel: Any) -> str:
+    """Return the unit of a channel; version 3 keeps it with the conversion."""
+    return str(getattr(channel, "unit", "") or getattr(channel.conversion, "unit", "") or "")[:64]
 
 
 def _why_refused(channel: Any, version: int) -> str:

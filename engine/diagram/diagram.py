@@ -311,12 +311,13 @@ class Diagram:
                 realizations = self._laws.linearized_members(realizations, values, self.wiring(), admitted)
             assemble = assemble_by_rates if by_rates else Interconnection.assemble
             assembled = assemble(self._interconnection, realizations, wiring, admitted=admitted)
-        zeros = np.zeros(count, dtype=bool)
-        for value in values:
-            if isinstance(value, np.ndarray):
-                zeros |= value.real == 0
+        zeros = [value.real == 0 for value in values if isinstance(value, np.ndarray) and value.shape == (count,)]
         return StackedSystem(
-            **assembled.matrices, valid=assembled.valid, zeros=zeros, inputs=wiring.inputs, outputs=wiring.outputs
+            **assembled.matrices,
+            valid=assembled.valid,
+            zeros=np.array(zeros, dtype=bool).reshape(-1, count).T,
+            inputs=wiring.inputs,
+            outputs=wiring.outputs,
         )
 
     def admits(self, overrides: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.bool_]:

@@ -92,7 +92,9 @@ def highest(response: FrequencyResponse, shape: Shape, *, at_rest: Array, at_inf
     """Return the peak of a magnitude whose square is ``shape``; at either end of the axis it may only be approached."""
     value, at = response.peak(shape)
     tied = touching.has_rival(response, shape, value, at, tolerance=TOUCHES)
-    top = math.sqrt(float(value[0].real)) * (1 - 1e-12)
+    top = math.sqrt(max(float(value[0].real), 0.0)) * (
+        1 - 1e-12
+    )  # a gain of 0 with an infinitesimal has a negative square
     static = at_rest * np.sign(at_rest.real)
     if float(static[0].real) >= top:
         return Found(value=static, at=0.0)

@@ -40,7 +40,7 @@ class Bandwidth(PathMetric):
             return refusal
         assert subject.static is not None
         top = float(subject.response.peak(squared_magnitude)[0][0].real)
-        if abs(float(subject.static[0].real)) <= NEGLIGIBLE * math.sqrt(top):
+        if abs(float(subject.static[0].real)) <= NEGLIGIBLE * math.sqrt(max(top, 0.0)):
             return Absent(
                 verdict=Verdict.ZERO_STATIC_GAIN, advice="the static gain is 0, so there is nothing to fall 3 dB from"
             )

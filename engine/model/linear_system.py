@@ -177,7 +177,7 @@ class StackedSystem:
     """Many systems of one structure: every array of `LinearSystem` with a leading batch axis (B, ...).
 
     ``valid`` (B,) is False for members that do not exist (ill-posed loop, value out of bounds): their matrices are 0. ``zeros``
-    (B,) is True where a number of the batch is exactly 0, so that a state may stand for none: unseen, it has a pole of its own.
+    (B, numbers) is True where a number of the batch is exactly 0, so that a state may stand for none: unseen, it has a pole of its own.
     """
 
     a: Array

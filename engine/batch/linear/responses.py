@@ -114,12 +114,29 @@ class Responses:
             return found
         growths = [np.full(members, -np.inf)]
         if self._of_poles:
-            growths.append(self._poles(stack, here, found))
+            growths.append(self._poles_of_all(stack, here, overrides, found))
         growths += [self._response(response, spectra, found) for response in self._responses.values()]
         worst = np.max(growths, axis=0)  # NaN where one is not known
         known = np.nanmax(growths, axis=0)
         found.growth[here] = np.where(known >= 0, known, worst)[here]
         return found
+
+    def _poles_of_all(
+        self, stack: StackedSystem, here: Array, overrides: Mapping[str, Array], found: Screened
+    ) -> Array:
+        """Enter the metrics of poles, and return the growth: who has a number of 0 may have a state less, and is looked at with his like."""
+        whole = np.asarray(~stack.zeros.any(axis=1))
+        growth = self._poles(stack, here[whole[here]], found)
+        if np.iscomplexobj(found.values):  # an infinitesimal keeps the state
+            return growth
+        others = here[~whole[here]]
+        for members in (others[these] for these in stacks.alike(stack.zeros[others])):
+            own = self._diagram.realize_stack({name: np.asarray(value)[members] for name, value in overrides.items()})
+            part = Screened.unknown(len(members), len(self._requests))
+            growth[members] = self._poles(own, np.flatnonzero(own.valid), part)
+            found.values[np.ix_(members, np.array(self._of_poles))] = part.values[:, self._of_poles]
+            found.doubtful[np.ix_(members, np.array(self._of_poles))] = part.doubtful[:, self._of_poles]
+        return growth
 
     def _poles(self, stack: StackedSystem, here: Array, found: Screened) -> Array:
         growth = np.full(len(stack.valid), np.nan)
@@ -127,7 +144,7 @@ class Responses:
             for column in self._of_poles:
                 value, doubt, own = poles.measured(self._requests[column].metric, stack.a[here])
                 found.values[here, column] = value if np.iscomplexobj(found.values) else value.real
-                found.doubtful[here, column] = doubt | stack.zeros[here]
+                found.doubtful[here, column] = doubt
                 growth[here] = own
         return growth
 

@@ -407,6 +407,18 @@ def test_mdf(tmp_path):
         np.testing.assert_array_equal(read[name], values)
 
 
+def test_units_of_an_older_mdf(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    t = np.arange(100) / 500
+    with asammdf.MDF(version="3.30") as target:
+        bent = asammdf.Signal(np.arange(100, dtype="u1"), t, name="bent", unit="mm", conversion={"a": 2.0, "b": 1.0})
+        target.append([asammdf.Signal(t * 2, t, name="straight", unit="N"), bent])
+        target.save(tmp_path / "a.mdf")
+    found = opened("mdf", tmp_path / "a.mdf", tmp_path)
+    units = {series.name: series.unit for series in found.series if series.role == "channel"}
+    assert units == {"straight": "N", "bent": "mm"}
+
+
 @pytest.mark.parametrize("format_", ["hdf5", "parquet", "mdf", "uff", "lvm"])
 def test_another_file_is_refused(tmp_path, format_):
     for content in (b"", b"something else entirely\n" * 50, bytes(2000)):
